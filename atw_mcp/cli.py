@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 
 from atw_mcp import server_process
+from atw_mcp.allowed_paths import add_allow, allowed_here
 from atw_mcp.calls.spelling import did_you_mean
 from atw_mcp.gap import command as gap_command
 from atw_mcp.printing import print_reply, tool_line
@@ -77,6 +78,7 @@ def _parser() -> argparse.ArgumentParser:
         "--legacy-only", action="store_true", help="only protocol revisions up to 2025-11-25, for clients that mix eras"
     )
     _add_store(serve)
+    add_allow(serve)
     serve.set_defaults(command=_serve)
 
     tools = commands.add_parser("tools", help="list the tools, or describe one")
@@ -126,6 +128,7 @@ def _parser() -> argparse.ArgumentParser:
 
     for command in (call, run, shell):
         _add_store(command)
+        add_allow(command)
         command.add_argument("--indent", action="store_true", help="print indented JSON")
         command.add_argument(
             "--pictures",
@@ -168,7 +171,7 @@ def _serve(options: argparse.Namespace) -> int:
     from evidence_store import StoreError
 
     try:
-        server = build_server(options.store)
+        server = build_server(options.store, allow=options.allow)
     except StoreError as error:
         print(f"atw-mcp: {error}", file=sys.stderr)
         return FAILED
@@ -198,9 +201,10 @@ def _tools(options: argparse.Namespace) -> int:
 
 
 def _call(options: argparse.Namespace) -> int:
-    arguments = read_arguments(split_pairs(options.pairs), manifest.schemas(), options.tool)
+    pairs = split_pairs(options.pairs)
+    arguments = read_arguments(pairs, manifest.schemas(), options.tool)
     show = partial(print_reply, indent=options.indent, pictures=options.pictures)
-    with server_process.started(options.store) as server:
+    with server_process.started(options.store, allowed_here(options.allow, pairs)) as server:
         from atw_mcp.sessions import call_tool
 
         return OK if call_tool(server, options.tool, arguments, show) else FAILED
@@ -208,18 +212,21 @@ def _call(options: argparse.Namespace) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     steps = read_script(options.script)
-    variables = {"folder": str(options.script.absolute().parent), **split_pairs(options.pairs)}
+    pairs, folder = split_pairs(options.pairs), options.script.absolute().parent
+    variables = {"folder": str(folder), **pairs}
     show = partial(print_reply, indent=options.indent, pictures=options.pictures)
-    with server_process.started(options.store) as server:
+    with server_process.started(options.store, allowed_here(options.allow, pairs, folder)) as server:
         from atw_mcp.sessions import call_steps
 
         return OK if call_steps(server, steps, variables, show) else FAILED
 
 
 def _shell(options: argparse.Namespace) -> int:
-    known = {"folder": str(Path.cwd()), **split_pairs(options.pairs)}
+    pairs = split_pairs(options.pairs)
+    known = {"folder": str(Path.cwd()), **pairs}
+    allow = allowed_here(options.allow, pairs)
     show = partial(print_reply, indent=options.indent, pictures=options.pictures)
-    with server_process.started(options.store) as server:
+    with server_process.started(options.store, allow) as server:
         from atw_mcp.sessions import call_lines
 
         return OK if call_lines(server, known, show) else FAILED

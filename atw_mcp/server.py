@@ -25,12 +25,13 @@ where it is needed, so that the others start quickly.
   `with explained("Tool(...)"):`. Any other exception becomes a generic sentence and is logged.
 - Nothing is computed twice: `app.store.rollouts.get_or_compute(kind, inputs, compute)` and likewise
   `.observations` and `.fits`.
+- Every path that an agent gives goes through `app.files` (`atw_mcp/calls/files.py`).
 """
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,7 @@ from mcp_types import CallToolResult, InputRequiredResult
 from atw_mcp.calls import resources
 from atw_mcp.calls.app import App
 from atw_mcp.calls.deferred import DeferredTool
+from atw_mcp.calls.files import allowed_folders
 from atw_mcp.calls.prompting import PromptServer, add_prompts
 from atw_mcp.calls.toolbox import ToolGroup, WorldTool
 from atw_mcp.tools import manifest
@@ -84,9 +86,12 @@ class WorldServer(PromptServer):
         return await super().call_tool(name, arguments, context)
 
 
-def build_server(store: Path | None = None) -> MCPServer[App]:
-    """The server on a store (default: `default_store()`); raises StoreError where the store cannot be used."""
-    app = App(store or default_store())
+def build_server(store: Path | None = None, *, allow: Iterable[Path] = ()) -> MCPServer[App]:
+    """The server on a store (default: `default_store()`); raises StoreError where the store cannot be used.
+
+    allow: folders and files that calls may have read, besides those of `allowed_folders`.
+    """
+    app = App(store or default_store(), allowed_folders(allow))
     app.tools = all_tools()
 
     @asynccontextmanager

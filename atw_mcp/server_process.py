@@ -21,9 +21,10 @@ TERMINATE = 2.0  # [s] from SIGTERM to SIGKILL
 class ServerProcess:
     """A running server with the pipes that it is spoken to over, one JSON-RPC message a line."""
 
-    def __init__(self, store: Path | None) -> None:
-        """Start it on a store, default the user's."""
+    def __init__(self, store: Path | None, allow: Iterable[Path] = ()) -> None:
+        """Start it on a store, default the user's; it may read files below `allow`."""
         options = [] if store is None else ["--store", str(store)]
+        options += [f"--allow={path}" for path in allow]
         search = [str(Path(__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])]
         self._process = subprocess.Popen(
             [sys.executable, "-m", "atw_mcp", "serve", *options],
@@ -76,9 +77,9 @@ class ServerProcess:
 
 
 @contextmanager
-def started(store: Path | None) -> Iterator[ServerProcess]:
-    """A server on `store` (default: the user's) that is stopped in the end."""
-    server = ServerProcess(store)
+def started(store: Path | None, allow: Iterable[Path] = ()) -> Iterator[ServerProcess]:
+    """A server on `store` (default: the user's) that may read files below `allow` and is stopped in the end."""
+    server = ServerProcess(store, allow)
     try:
         yield server
     finally:

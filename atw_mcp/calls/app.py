@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import sqlite3
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -12,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 from mcp.server.mcpserver.exceptions import ToolError
 from mcp_types import CallToolResult
 
+from atw_mcp.calls.files import AllowedFiles
 from atw_mcp.calls.jobs import JobRunner
+from atw_mcp.calls.limits import Limits
 from atw_mcp.calls.results import to_result
 from atw_mcp.calls.waiting import WaitingCalls
 from evidence_store import Case, EvidenceStore, StoreError, UnknownRecord
@@ -24,10 +27,15 @@ logger = logging.getLogger(__name__)
 
 
 class App:
-    """The state of a server: nothing but the store, so any other server on it continues where this one stopped."""
+    """The state of a server: nothing but the store, so any other server on it continues where this one stopped.
 
-    def __init__(self, store_path: Path) -> None:
+    allow: folders and files whose content calls may have read. limits: of what one call may ask for.
+    """
+
+    def __init__(self, store_path: Path, allow: Iterable[Path] = (), limits: Limits | None = None) -> None:
         self.store = EvidenceStore(store_path)
+        self.limits = Limits() if limits is None else limits
+        self.files = AllowedFiles(allow, self.limits, own=[self.derived_files])
         self.jobs = JobRunner(self.store)
         self.waiting = WaitingCalls()
         self.tools: list[Any] = []  # the WorldTools served, for DescribeTool; set by build_server
@@ -48,6 +56,11 @@ class App:
             self.store.close()
         except (StoreError, sqlite3.Error) as error:
             logger.error("the evidence store could not be closed: %s", error)
+
+    @property
+    def derived_files(self) -> Path:
+        """Folder beside the store with results of models that are too large for it."""
+        return self.store.path.parent / "models"
 
     # --- cases and stages ---
 
@@ -136,6 +149,8 @@ class App:
     def evidence_result(self, identifier: str) -> CallToolResult:
         """Return an evidence record as a tool result; one still running says how far it is."""
         record = self.store.read_evidence(identifier)
+        if record.status == "failed":
+            record = replace(record, summary=self.files.redacted(record.summary))
         job = self.store.jobs.get(identifier) if record.status == "running" else None
         if job is not None:
             progress = {"done": job.done, "total": job.total, "message": job.message}

@@ -25,6 +25,7 @@ from atw_mcp.calls.app import App
 from atw_mcp.calls.jobs import LongWork, RunningJob
 from atw_mcp.calls.result_schemas import referenced_schema, report_mismatch, result_schema
 from atw_mcp.calls.results import Answer, to_result, validation_text
+from atw_mcp.calls.roots import allow_roots
 from atw_mcp.calls.schemas import inlined, without_null
 from atw_mcp.calls.waiting import Waiting
 from evidence_store import StoreError
@@ -39,6 +40,7 @@ class WorldTool(Tool):
 
     role: Role
     pictures: bool = False
+    files: bool = False
     returns: Any = None  # the model of its data, or a union of models; None: not yet declared
 
     @property
@@ -54,6 +56,8 @@ class WorldTool(Tool):
         del convert_result
         app: App = context.request_context.lifespan_context
         checked = self.checked(arguments)
+        if self.files or not app.files.roots_known:
+            await allow_roots(app, context)
         try:
             outcome = await anyio.to_thread.run_sync(lambda: self.fn(app, **checked))
             if isinstance(outcome, CallToolResult):
@@ -65,10 +69,10 @@ class WorldTool(Tool):
             self._compare(outcome)
             record = await anyio.to_thread.run_sync(app.store.evidence.add, outcome.to_evidence(self.name, arguments))
             return to_result(record)
-        except (ToolError, MCPError):
+        except MCPError:
             raise
-        except StoreError as error:
-            raise ToolError(str(error)) from error
+        except (ToolError, StoreError) as error:
+            raise ToolError(app.files.redacted(str(error))) from error
         except Exception as error:
             logger.exception("%s failed", self.name)
             raise ToolError(
@@ -143,12 +147,20 @@ class ToolGroup:
         self.tools: list[WorldTool] = []
 
     def tool(
-        self, name: str, *, title: str, read_only: bool = True, pictures: bool = False, returns: Any = None
+        self,
+        name: str,
+        *,
+        title: str,
+        read_only: bool = True,
+        pictures: bool = False,
+        files: bool = False,
+        returns: Any = None,
     ) -> Callable[[ToolFunction], ToolFunction]:
         """Declare a tool. The function's docstring is the description the agent reads.
 
         read_only: whether it leaves the case as it is (the evidence record apart). pictures: whether it
-        returns images, and therefore no structured content. returns: the model of the data that an agent is shown
+        returns images, and therefore no structured content. files: whether it reads files that its arguments name, so
+        that the client's roots matter. returns: the model of the data that an agent is shown
         (`atw_mcp/results`), or a union of models where the arguments decide on the form.
         """
 
@@ -173,6 +185,7 @@ class ToolGroup:
                     ),
                     role=self.role,
                     pictures=pictures,
+                    files=files,
                     returns=returns,
                 )
             )

@@ -32,20 +32,6 @@ def path_hash(path: Path) -> str:
     return digest.hexdigest()
 
 
-def existing_file(text: str) -> Path:
-    """The absolute path of a readable, non-empty file; raises ValueError saying what is wrong with it."""
-    path = Path(text).expanduser().absolute()
-    if not path.exists():
-        near = sorted(p.name for p in path.parent.glob("*") if p.is_file())[:10] if path.parent.is_dir() else []
-        found = f"; that folder has {near}" if near else "; that folder does not exist or has no files"
-        raise ValueError(f"no such file: {path}{found}")
-    if path.is_dir():
-        raise ValueError(f"{path} is a folder, not a file")
-    if path.stat().st_size == 0:
-        raise ValueError(f"{path} is empty (0 bytes)")
-    return path
-
-
 def video_facts(info: VideoInfo) -> dict[str, Any]:
     """Return what is kept of a video's probe: facts of the content, not of where the file lies."""
     facts = info.to_dict()

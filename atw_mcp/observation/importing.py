@@ -28,15 +28,6 @@ from polyworld.world.shapes import BodyShape, Box, Cylinder, Sphere
 _SHAPE: TypeAdapter[Any] = TypeAdapter(BodyShape)
 
 
-def existing_path(text: str) -> Path:
-    """The absolute path of a file or folder that exists; raises ImportDataError naming what is near."""
-    path = Path(text).expanduser().absolute()
-    if not path.exists():
-        near = sorted(p.name for p in path.parent.glob("*"))[:10] if path.parent.is_dir() else []
-        raise ImportDataError(f"nothing at {path}; {f'that folder has {near}' if near else 'nor is there its folder'}")
-    return path
-
-
 # --- tracks ---
 
 
@@ -172,7 +163,7 @@ def _standing(kind: str, half: float) -> Sphere | Box | Cylinder:
 
 def keep_masks(app: App, case: Case, path: Path) -> tuple[str, ImageObservation]:
     """Masks of the case's video."""
-    seen = import_masks(path, video_file(case))
+    seen = import_masks(path, video_file(app, case))
     inputs = {"video": case.content, "masks": path_hash(path)}
     return keep_image_observation(app, case, seen, "imported_masks", inputs).id, seen
 
@@ -189,13 +180,13 @@ def keep_camera(app: App, case: Case, path: Path, size: tuple[int, int] | None) 
     return content.id, made
 
 
-def keep_depth(app: App, case: Case, path: Path, metres_per_unit: float | None) -> Content:
-    """Depth maps: kept by reference, since they are far larger than everything else."""
+def keep_depth(app: App, case: Case, path: Path, metres_per_unit: float | None, origin: Path) -> Content:
+    """Depth maps: kept by reference to where they are from, since they are far larger than everything else."""
     depth = import_depth(path, metres_per_unit=metres_per_unit)
     inputs = {"file": path_hash(path), "metres_per_unit": metres_per_unit}
     known = np.isfinite(depth.depth)
     document = {
-        "path": str(path),
+        "path": str(origin),
         "frames": list(depth.frames),
         "height": int(depth.depth.shape[1]),
         "width": int(depth.depth.shape[2]),

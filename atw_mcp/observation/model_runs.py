@@ -159,7 +159,7 @@ def _segment(
 ) -> RunOutcome:
     kept = app.store.observations.find("model_masks", inputs)
     if kept is None:
-        info, frames = load(video_file(case), stride=stride)
+        info, frames = load(video_file(app, case), stride=stride)
         rows = tuple(Prompt(p.object, p.row // stride, p.box, p.positive, p.negative) for p in prompts)
         found = follow(request.model, frames, rows, request.limits, **_callbacks(progress))
         seen = found.observation(info, frames, tuple(range(0, stride * len(frames), stride)))
@@ -209,7 +209,7 @@ def _depth(app: App, case: Case, request: RunRequest) -> Prepared:
 
 
 def _measure_depth(app: App, case: Case, request: RunRequest, inputs: dict[str, Any], progress: Progress) -> RunOutcome:
-    info, frames = load(video_file(case), stride=request.stride)
+    info, frames = load(video_file(app, case), stride=request.stride)
     numbers = range(0, request.stride * len(frames), request.stride)
     found = predict_depth(request.model, frames, numbers, request.limits, **_callbacks(progress))
     camera = latest_camera(app, case)
@@ -241,11 +241,11 @@ def _measure_depth(app: App, case: Case, request: RunRequest, inputs: dict[str, 
             if request.use == "model":
                 data["camera_kept"] = keep_calibration(app, case, made, inputs, side_view=False).id
     if request.use == "model":
-        folder = app.store.path.parent / "models"
+        folder = app.derived_files
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / f"{app.store.observations.key('model_depth', inputs)}.npz"
         np.savez(file, depth=found.depth.depth, frames=np.asarray(found.depth.frames))
-        kept = keep_depth(app, case, file, None)
+        kept = keep_depth(app, case, file, None, file)
         data["depth"] = kept.id
     else:
         document = {k: v for k, v in data.items() if k != "camera_kept"}
@@ -296,7 +296,7 @@ def _turn(
     app: App, case: Case, request: RunRequest, seen: ImageObservation, inputs: dict[str, Any], progress: Progress
 ) -> RunOutcome:
     record, camera = _tracked(app, case, progress)
-    frames = _frames(case, seen)
+    frames = _frames(app, case, seen)
     names = [name for name in inputs["objects"] if name in record.tracks.names]
     queries = queries_on(seen, frames, names)
     found = follow_points(request.model, frames, queries, request.limits, **_callbacks(progress))
@@ -345,7 +345,7 @@ def _place(
     if not asked:
         raise ModelError("a pose needs the object's shape: give objects=[{name, mesh}], or build the world first")
     step = record.tracks.seconds_per_frame
-    frames = _frames(case, seen)
+    frames = _frames(app, case, seen)
     tracks = poses(request.model, seen, frames, camera, asked, step, request.limits, **_callbacks(progress))
     looks = {o.name: o for o in record.objects}
     objects = [
@@ -425,7 +425,7 @@ def _shape(
     rate = float(case.facts.get("frames_per_second") or 0.0)
     step = 1.0 / rate if rate > 0 else 0.04
     names, sizes = inputs["objects"], inputs["sizes"]
-    frames = _frames(case, seen)
+    frames = _frames(app, case, seen)
     found = meshes(request.model, seen, frames, names, sizes, step, request.limits, **_callbacks(progress))
     provenance = Provenance(request.model, request.limits.device, request.limits.batch)
     rows = []
@@ -497,8 +497,8 @@ def _names(request: RunRequest, seen: ImageObservation) -> list[str]:
     return [item.name for item in request.objects] or list(seen.names)
 
 
-def _frames(case: Case, seen: ImageObservation) -> Frames:
-    return load(video_file(case), stride=_stride(seen))[1]
+def _frames(app: App, case: Case, seen: ImageObservation) -> Frames:
+    return load(video_file(app, case), stride=_stride(seen))[1]
 
 
 def _stride(seen: ImageObservation) -> int:

@@ -10,7 +10,7 @@ from typing import Any
 
 from atw_mcp.calls.app import App
 from atw_mcp.calls.jobs import Progress
-from atw_mcp.cases.cases import content_hash, existing_file, path_hash
+from atw_mcp.cases.cases import content_hash, path_hash
 from atw_mcp.observation.shape_records import ShapeRecord, latest_shapes, shapes_in_world
 from atw_mcp.observation.track_records import TrackRecord, read_record, to_document
 from atw_mcp.perception.calibration import Calibration
@@ -32,11 +32,11 @@ SIDE_VIEW = MotionPlane(point=(0.0, 0.0, 0.0), normal=(0.0, -1.0, 0.0), supports
 UNKNOWN_RATE = 0.04  # [s] between frames of a file that states no rate; BuildWorld says so
 
 
-def video_file(case: Case) -> Path:
-    """The case's video; raises ValueError where there is none, or the file is no longer what was opened."""
+def video_file(app: App, case: Case) -> Path:
+    """The case's video; raises ValueError where there is none, it may not be read, or it changed."""
     if case.kind != "video":
         raise ValueError(f"case {case.id!r} is measured data and has no video")
-    path = existing_file(case.path)
+    path = app.files.file(case.path)
     facts = path.stat()
     if _known_hash(path, facts.st_size, facts.st_mtime_ns) != case.content:
         raise ValueError(
@@ -267,13 +267,14 @@ def _derive_from_depth(
 ) -> dict[str, Any]:
     assert how.depth is not None
     kept = app.store.observations.get(how.depth)
-    path = Path(kept.document["path"])
-    if not path.exists() or path_hash(path) != kept.inputs["file"]:
-        raise ValueError(f"the depth maps {path} are gone or changed: import them again")
+    with app.files.opened(kept.document["path"]) as path:
+        if path_hash(path) != kept.inputs["file"]:
+            raise ValueError(f"the depth maps {path.name} changed: import them again")
+        depth = import_depth(path, metres_per_unit=kept.inputs["metres_per_unit"])
     tracks, shapes = depth_tracks(
         seen,
         camera,
-        import_depth(path, metres_per_unit=kept.inputs["metres_per_unit"]),
+        depth,
         how.solids,
         seconds_per_frame=how.seconds_per_frame,
         progress=lambda share, what: progress.report(share, 1.0, what),

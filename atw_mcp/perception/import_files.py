@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
+import zipfile
+import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +15,11 @@ from numpy.typing import NDArray
 
 from atw_mcp.perception.observation import ObservationError
 from polyworld.data.table import Line, Numbers, Problems, file_text, in_file, read_table
+
+LARGEST_ARRAYS = 1_500_000_000  # bytes of all arrays of a file: as much as a video may have decoded
+# Columns of the tables read here. Headers are repeated only as far as they are these: other files hold other things.
+COLUMNS = frozenset(("frame", "t", "object", "x", "y", "z", "qw", "qx", "qy", "qz", "yaw", "confidence", "sigma"))
+COLUMNS |= {"point", "quantity", "value", "container", "share", "at"}
 
 
 class ImportDataError(ObservationError):
@@ -63,7 +71,10 @@ def read_measured_table(file: Path, needed: tuple[str, ...]) -> MeasuredTable:
     if "frame" not in columns and "t" not in columns:
         missing.insert(0, "frame or t")
     if missing:
-        raise ImportDataError(f"{file.name}: columns missing: {missing}; it has {list(columns)}")
+        known = [name for name in columns if name in COLUMNS]
+        raise ImportDataError(
+            f"{file.name}: columns missing: {missing}; known columns in line {table.header.number}: {known}"
+        )
     return MeasuredTable(file, columns, table.rows)
 
 
@@ -80,14 +91,37 @@ def read_json(file: Path) -> Any:
     """Return the content of a JSON file; raises ImportDataError with the place of a syntax error."""
     try:
         return json.loads(file.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise ImportDataError(f"{file.name}: not JSON: {error}") from error
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise ImportDataError(f"{file.name}: not JSON ({where})") from error
+    except UnicodeDecodeError as error:
+        raise ImportDataError(f"{file.name}: not JSON in UTF-8 (byte {error.start})") from error
+    except (ValueError, RecursionError) as error:  # numbers of thousands of digits, lists in lists in lists
+        raise ImportDataError(f"{file.name}: JSON with numbers that are too long, or nested too deeply") from error
 
 
 def read_arrays(file: Path) -> dict[str, NDArray[Any]]:
-    """Return the arrays of an npz file; raises ImportDataError where it is none, or holds pickled objects."""
+    """Return the arrays of an npz file; raises ImportDataError where it is none, or holds pickled objects.
+
+    Sizes are added up before anything is unpacked: a small archive may hold far more than memory.
+    """
     try:
+        with zipfile.ZipFile(file) as packed:
+            size = sum(max(item.file_size, _stated_bytes(packed, item)) for item in packed.infolist())
+        if size > LARGEST_ARRAYS:
+            raise ImportDataError(f"{file.name}: {size / 1e9:.3g} GB of arrays is above the limit of 1.5 GB")
         with np.load(file, allow_pickle=False) as archive:
             return {key: archive[key] for key in archive.files}
-    except (OSError, ValueError) as error:
-        raise ImportDataError(f"{file.name}: not an npz archive of plain arrays: {error}") from error
+    except ImportDataError:
+        raise
+    except (OSError, ValueError, EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
+        raise ImportDataError(f"{file.name}: not an npz archive of plain arrays") from error
+
+
+def _stated_bytes(packed: zipfile.ZipFile, item: zipfile.ZipInfo) -> int:
+    """Bytes of an array as its header states them: that is what reading it allocates."""
+    with packed.open(item) as content:
+        version = np.lib.format.read_magic(content)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, kind = read(content)
+    return math.prod(shape) * kind.itemsize

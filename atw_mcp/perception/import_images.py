@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from atw_mcp.perception.calibration import CalibrationError, calibrate_from_homography
 from atw_mcp.perception.import_files import ImportDataError, read_arrays, read_json
@@ -22,7 +23,9 @@ from atw_mcp.perception.video import Frames, existing_file, load
 from polyworld.world.camera import Camera
 
 Floats = NDArray[np.float64]
-LARGEST_DEPTH_BYTES = 1_500_000_000
+LARGEST_DEPTH_BYTES = LARGEST_MASK_BYTES = 1_500_000_000  # as much as a video may have decoded
+MOST_PIXELS = 8192 * 8192  # of an image
+MESH_FORMATS = ("obj", "stl", "ply", "glb")
 
 
 def import_masks(path: str | Path, video_path: str | Path) -> ImageObservation:
@@ -40,9 +43,9 @@ def import_masks(path: str | Path, video_path: str | Path) -> ImageObservation:
     elif source.suffix.lower() == ".json":
         found = _masks_of_json(existing_file(source), frames.shape[:3])
     else:
-        raise ImportDataError(f"{source}: masks come as a folder of PNGs or as a JSON file of run-length masks")
+        raise ImportDataError(f"{source.name}: masks come as a folder of PNGs or as a JSON file of run-length masks")
     if not found:
-        raise ImportDataError(f"{source}: no mask found")
+        raise ImportDataError(f"{source.name}: no mask found")
     return observation_of_masks(found, frames, ImageObservation(info, tuple(range(len(frames))), ()))
 
 
@@ -78,18 +81,18 @@ def _masks_of_folder(folder: Path, shape: tuple[int, ...]) -> dict[str, list[Mas
     found: dict[str, list[Mask]] = {}
     if parts:
         for part in parts:
-            found[part.name] = _empty(count, height, width)
-            for number, image in _numbered_images(part, count):
+            own = _add_object(found, part.name, shape, folder.name)
+            for number, image in _numbered_images(part, count, LARGEST_MASK_BYTES):
                 _check_size(image, height, width, part)
-                found[part.name][number] = (image if image.ndim == 2 else image.max(axis=2)) > 0
+                own[number] = (image if image.ndim == 2 else image.max(axis=2)) > 0
         return found
-    for number, image in _numbered_images(folder, count):
+    for number, image in _numbered_images(folder, count, LARGEST_MASK_BYTES):
         _check_size(image, height, width, folder)
         values = _flat_labels(image)
         for value in np.unique(values):
             if value:
                 name = f"object_{value}"
-                found.setdefault(name, _empty(count, height, width))[number] = values == value
+                _add_object(found, name, shape, folder.name)[number] = values == value
     return dict(sorted(found.items(), key=lambda item: int(item[0].split("_")[-1])))
 
 
@@ -100,23 +103,51 @@ def _flat_labels(image: NDArray[Any]) -> NDArray[np.int64]:
     return flat
 
 
-def _numbered_images(folder: Path, count: int) -> list[tuple[int, NDArray[Any]]]:
+def _numbered_images(folder: Path, count: int, most: int) -> list[tuple[int, NDArray[Any]]]:
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() == ".png")
     if not files:
-        raise ImportDataError(f"{folder}: no PNG files in it")
-    result = []
+        raise ImportDataError(f"{folder.name}: no PNG files in it")
+    result, size = [], 0
     for file in files:
         digits = "".join(c if c.isdigit() else " " for c in file.stem).split()
         if not digits:
-            raise ImportDataError(f"{file}: no frame number in its name")
+            raise ImportDataError(f"{file.name}: no frame number in its name")
         number = int(digits[-1])
         if number >= count:
-            raise ImportDataError(f"{file}: frame {number} is outside the video (0..{count - 1})")
+            raise ImportDataError(f"{file.name}: frame {number} is outside the video (0..{count - 1})")
+        _check_png(file)
         image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
         if image is None:
-            raise ImportDataError(f"{file}: not a PNG that can be read")
+            raise ImportDataError(f"{file.name}: not a PNG that can be read")
         result.append((number, np.asarray(image)))
+        size += image.nbytes
+        if size > most:
+            raise ImportDataError(f"{folder.name}: more than {most / 1e9:g} GB of images")
     return result
+
+
+def _check_png(file: Path) -> None:
+    """Refuse, by its header, what is no PNG or has more pixels than any video here: a small file may hold gigabytes."""
+    with file.open("rb") as content:
+        head = content.read(24)
+    if len(head) < 24 or head[:8] != b"\x89PNG\r\n\x1a\n":
+        raise ImportDataError(f"{file.name}: not a PNG")
+    width, height = int.from_bytes(head[16:20], "big"), int.from_bytes(head[20:24], "big")
+    if width * height > MOST_PIXELS:
+        raise ImportDataError(f"{file.name}: {width} x {height} pixels, more than the limit of {MOST_PIXELS}")
+
+
+def _add_object(found: dict[str, list[Mask]], name: str, shape: tuple[int, ...], source: str) -> list[Mask]:
+    """Return the masks of an object, empty at first; raises ImportDataError for more than memory should hold."""
+    if name not in found:
+        count, height, width = shape
+        if (len(found) + 1) * count * height * width > LARGEST_MASK_BYTES:
+            raise ImportDataError(
+                f"{source}: masks of more than {len(found)} objects in {count} frames of {width} x {height} pixels are "
+                "above the limit of 1.5 GB"
+            )
+        found[name] = _empty(count, height, width)
+    return found[name]
 
 
 def _masks_of_json(file: Path, shape: tuple[int, ...]) -> dict[str, list[Mask]]:
@@ -128,10 +159,10 @@ def _masks_of_json(file: Path, shape: tuple[int, ...]) -> dict[str, list[Mask]]:
             for name, series in data["objects"].items():
                 if len(series) > count:
                     raise ImportDataError(f"{file.name}: object {name!r} has {len(series)} masks for {count} frames")
-                found[name] = _empty(count, height, width)
+                own = _add_object(found, str(name), shape, file.name)
                 for t, record in enumerate(series):
                     if record is not None:
-                        found[name][t] = _decoded(record, height, width, file)
+                        own[t] = _decoded(record, height, width, file)
             return found
         records = data.get("annotations") if isinstance(data, dict) else data
         if not isinstance(records, list):
@@ -143,7 +174,7 @@ def _masks_of_json(file: Path, shape: tuple[int, ...]) -> dict[str, list[Mask]]:
             if not 0 <= number < count:
                 raise ImportDataError(f"{file.name}: record {k}: frame {number} is outside the video (0..{count - 1})")
             mask = _decoded(_first(record, ("segmentation", "mask", "rle"), file, k), height, width, file)
-            found.setdefault(name, _empty(count, height, width))[number] |= mask
+            _add_object(found, name, shape, file.name)[number] |= mask
     except MaskError as error:
         raise ImportDataError(f"{file.name}: {error}") from error
     return found
@@ -172,7 +203,7 @@ def _empty(count: int, height: int, width: int) -> list[Mask]:
 def _check_size(image: NDArray[Any], height: int, width: int, folder: Path) -> None:
     if image.shape[:2] != (height, width):
         raise ImportDataError(
-            f"{folder}: images are {image.shape[1]} x {image.shape[0]}, the video is {width} x {height}"
+            f"{folder.name}: images are {image.shape[1]} x {image.shape[0]}, the video is {width} x {height}"
         )
 
 
@@ -194,14 +225,14 @@ def import_depth(path: str | Path, *, metres_per_unit: float | None = None) -> D
     if source.is_dir():
         if metres_per_unit is None:
             raise ImportDataError(
-                f"{source}: say what one unit of the PNGs is with metres_per_unit (millimetres: 0.001)"
+                f"{source.name}: say what one unit of the PNGs is with metres_per_unit (millimetres: 0.001)"
             )
-        images = _numbered_images(source, 1_000_000)
+        images = _numbered_images(source, 1_000_000, LARGEST_DEPTH_BYTES)
         wrong = [n for n, i in images if i.dtype != np.uint16 or i.ndim != 2]
         if wrong:
-            raise ImportDataError(f"{source}: depth must be 16-bit PNGs of one channel; not so: frames {wrong[:5]}")
+            raise ImportDataError(f"{source.name}: depth is in 16-bit PNGs of one channel; not so: frames {wrong[:5]}")
         if len({i.shape for _, i in images}) > 1:
-            raise ImportDataError(f"{source}: depth images must all have one size")
+            raise ImportDataError(f"{source.name}: depth images must all have one size")
         images.sort(key=lambda item: item[0])
         depth = np.stack([i for _, i in images]).astype(np.float32) * metres_per_unit
         frames = tuple(n for n, _ in images)
@@ -213,16 +244,19 @@ def import_depth(path: str | Path, *, metres_per_unit: float | None = None) -> D
         depth = arrays["depth"].astype(np.float32) * (1.0 if metres_per_unit is None else metres_per_unit)
         frames = tuple(int(f) for f in arrays.get("frames", range(len(depth))))
     else:
-        raise ImportDataError(f"{source}: depth comes as an npz file or a folder of 16-bit PNGs")
+        raise ImportDataError(f"{source.name}: depth comes as an npz file or a folder of 16-bit PNGs")
     if depth.ndim != 3 or len(frames) != len(depth):
         raise ImportDataError(
-            f"{source}: depth must have shape (T, H, W) with one frame number each, got {depth.shape}"
+            f"{source.name}: depth must have shape (T, H, W) with one frame number each, got {depth.shape}"
         )
     if depth.nbytes > LARGEST_DEPTH_BYTES:
-        raise ImportDataError(f"{source}: {depth.nbytes / 1e9:.1f} GB of depth is above the limit of 1.5 GB")
+        raise ImportDataError(f"{source.name}: {depth.nbytes / 1e9:.1f} GB of depth is above the limit of 1.5 GB")
     if np.nanmin(depth) < 0:
-        raise ImportDataError(f"{source}: depth must not be negative")
+        raise ImportDataError(f"{source.name}: depth must not be negative")
     return DepthMaps(np.where(np.isfinite(depth) & (depth > 0), depth, np.nan).astype(np.float32), frames)
+
+
+_CAMERA_KEYS = {"width", "height", "intrinsics", "rotation", "translation", "distortion", "plane", "plane_z"}
 
 
 def import_camera(path: str | Path, image_size: tuple[int, int] | None = None) -> Camera:
@@ -241,13 +275,13 @@ def import_camera(path: str | Path, image_size: tuple[int, int] | None = None) -
         fields = {"width": size[0], "height": size[1]} | data
         try:
             return Camera.model_validate(fields)
-        except ValueError as error:
-            raise ImportDataError(f"{file.name}: not a valid camera: {error}") from error
+        except ValidationError as error:
+            raise ImportDataError(f"{file.name}: not a valid camera: {_wrong_fields(error)}") from error
     key = next((k for k in ("H", "homography") if k in data), None)
     if key is None:
         raise ImportDataError(
             f"{file.name}: neither a camera (width, height, intrinsics, rotation, translation) nor a homography (H); "
-            f"it holds {sorted(data)[:10]}"
+            f"of these keys it has {sorted(_CAMERA_KEYS & data.keys())}"
         )
     size = image_size or (int(data.get("width", 0)), int(data.get("height", 0)))
     if min(size) <= 0:
@@ -259,6 +293,10 @@ def import_camera(path: str | Path, image_size: tuple[int, int] | None = None) -
         return calibrate_from_homography(data[key], size, plane_z=float(height_of_plane)).camera
     except CalibrationError as error:
         raise ImportDataError(f"{file.name}: {error}") from error
+
+
+def _wrong_fields(error: ValidationError) -> str:
+    return "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors(include_input=False))
 
 
 def _plane_height(text: Any) -> float | None:
@@ -285,12 +323,16 @@ class ImportedMesh:
 
 
 def import_mesh(path: str | Path, *, scale: float = 1.0) -> ImportedMesh:
-    """Vertices (times `scale`, to give metres) and faces of a mesh file of any kind that trimesh reads."""
+    """Vertices (times `scale`, to give metres) and faces of an OBJ, STL, PLY or GLB file, which names no other file."""
     file = existing_file(path)
+    kind = file.suffix.lower().removeprefix(".")
+    if kind not in MESH_FORMATS:
+        raise ImportDataError(f"{file.name}: meshes come as {', '.join(f'.{name}' for name in MESH_FORMATS)} files")
     try:
-        mesh = trimesh.load_mesh(file)
-    except Exception as error:  # trimesh raises whatever its parsers do
-        raise ImportDataError(f"{file.name}: not a mesh that can be read: {error}") from error
+        with file.open("rb") as content:  # without its folder, so that nothing that it names is read
+            mesh = trimesh.load_mesh(content, file_type=kind)
+    except Exception as error:  # trimesh raises whatever its parsers do, with parts of the content
+        raise ImportDataError(f"{file.name}: not a mesh that can be read as {kind.upper()}") from error
     if isinstance(mesh, trimesh.Scene):
         mesh = mesh.to_geometry()
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:

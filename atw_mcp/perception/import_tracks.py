@@ -49,10 +49,9 @@ def import_tracks(
             return clevrer_tracks(data, file.name)
         if isinstance(data, dict) and {"names", "frames", "positions"} <= data.keys():
             return _from_dict(data, file, seconds_per_frame)
-        keys = sorted(data)[:12] if isinstance(data, dict) else type(data).__name__
         raise ImportDataError(
             f"{file.name}: neither tracks (names, frames, positions, ...) nor a CLEVRER annotation "
-            f"(object_property, motion_trajectory); it holds {keys}"
+            f"(object_property, motion_trajectory)"
         )
     raise ImportDataError(f"{file.name}: unknown kind {suffix or 'without suffix'}; tracks come as {_FORMATS}")
 

@@ -13,6 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from atw_mcp.perception.containers import NAMES, decodable
+
 Frames = NDArray[np.uint8]
 Progress = Callable[[float, str], None]
 Cancelled = Callable[[], bool]
@@ -142,7 +144,10 @@ def _open(file: Path) -> cv2.VideoCapture:
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
-        capture = cv2.VideoCapture(str(file), cv2.CAP_FFMPEG)
+        with decodable(file) as name:
+            if name is None:
+                raise VideoError(f"{file} is not a video file: it does not begin as {NAMES} does")
+            capture = cv2.VideoCapture(name, cv2.CAP_FFMPEG)
     finally:
         cv2.utils.logging.setLogLevel(level)
     if not capture.isOpened():
@@ -165,6 +170,11 @@ def _decode(file: Path) -> Iterator[tuple[int, Frames]]:
             number += 1
     finally:
         capture.release()
+
+
+def _sha256(file: Path) -> str:
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
 
 
 def _declared_count(capture: cv2.VideoCapture) -> int:
@@ -204,7 +214,7 @@ def _info(file: Path, count: int, size: tuple[int, int], stride: int) -> VideoIn
         width=size[0],
         height=size[1],
         frames_per_second=rate if known else 0.0,
-        sha256=hashlib.sha256(file.read_bytes()).hexdigest(),
+        sha256=_sha256(file),
         declared_frame_count=declared,
         warnings=tuple(warnings),
     )

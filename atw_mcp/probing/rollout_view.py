@@ -60,7 +60,7 @@ class RolloutView:
         wanted = background == "video" or (background == "auto" and self.follows)
         if wanted and case.kind == "video" and world.camera is not None:
             with explained():
-                self.video = video_file(case)
+                self.video = video_file(app, case)
             self.video_frames = int(case.facts["frame_count"])
         elif background == "video":
             why = "the case has no video" if case.kind != "video" else "the world has no camera: CalibrateCamera first"

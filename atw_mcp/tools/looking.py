@@ -83,7 +83,7 @@ def inspect_frames(
     found = app.case(case)
     seen: tuple[str, ImageObservation | None]
     with explained():
-        path = video_file(found)
+        path = video_file(app, found)
         if plain and (residual or observation is not None):
             raise ValueError("plain=true shows no observation: leave it out, or observation and residual")
         if observation is not None or residual:

@@ -46,6 +46,7 @@ Unread = SkipJsonSchema[dict[str, Any]]
     "ImportObservation",
     title="Import an observation",
     read_only=False,
+    files=True,
     returns=ImportedTracks | ImportedRecording | ObservedObjects | CalibratedCamera | ImportedDepth | ImportedMesh,
 )
 def import_observation(
@@ -96,8 +97,7 @@ def import_observation(
     up. The latest import counts; points and series join the tracks there are. Next: BuildWorld (after tracks or a
     recording), CalibrateCamera (after masks)."""
     found = app.case_to_model(case, "ImportObservation")
-    with explained():
-        place = importing.existing_path(path)
+    with explained(), app.files.opened(path) as place:
         if sealed_runs is not None and kind != "recording":
             raise ValueError(f"sealed_runs are runs of a recording; kind is {kind!r}")
         if kind == "recording":
@@ -119,7 +119,7 @@ def import_observation(
             identifier, made = importing.keep_camera(app, found, place, size)
             return _camera_answer(found, identifier, made)
         if kind == "depth":
-            content = importing.keep_depth(app, found, place, metres_per_unit)
+            content = importing.keep_depth(app, found, place, metres_per_unit, app.files.resolve(path))
         else:
             content = importing.keep_mesh(app, found, place, scale)
     step = f"BuildWorld(case={found.id!r})"

@@ -26,7 +26,7 @@ from evidence_store import Case, to_json
 GROUP = ToolGroup("world construction")
 
 
-@GROUP.tool("ModelVideo", title="Model a video in one call", read_only=False)
+@GROUP.tool("ModelVideo", title="Model a video in one call", read_only=False, files=True)
 def model_video_tool(
     app: App,
     video: Annotated[
@@ -143,7 +143,7 @@ def model_video_tool(
     return LongWork(
         key="ModelVideo" + found.id + to_json(plain({**vars(request), "known": repr(request.known)})),
         work=partial(model_video, app, found, request),
-        draft=Answer(summary=f"modelling {found.path}", data={}, case=found.id, objects=tuple(bodies)),
+        draft=Answer(summary=f"modelling {app.files.shown(found.path)}", data={}, case=found.id, objects=tuple(bodies)),
         patience=patience_seconds,
     )
 

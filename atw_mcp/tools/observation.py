@@ -148,7 +148,7 @@ def observe_objects(
     ObserveObjects with corrections where it is wrong or with deformable, then CalibrateCamera."""
     found = app.case_to_model(case, "ObserveObjects")
     with explained(f"OpenCase(video=PATH) or ImportObservation(case={found.id!r})"):
-        path = video_file(found)
+        path = video_file(app, found)
     if deformable is not None:
         if corrections is not None:
             raise ToolError("give corrections first, then deformable in another call: shapes follow from the masks")

@@ -18,7 +18,7 @@ from evidence_store import Case
 GROUP = ToolGroup("world construction")
 
 
-@GROUP.tool("OpenCase", title="Open a case", read_only=False, returns=OpenedCase | CaseList)
+@GROUP.tool("OpenCase", title="Open a case", read_only=False, files=True, returns=OpenedCase | CaseList)
 def open_case(
     app: App,
     video: Annotated[str | None, Field(description="path of a video file on the server's machine")] = None,
@@ -46,7 +46,10 @@ def open_case(
     if not given:
         if name is not None or questions:
             raise ToolError("OpenCase needs a file to open with it: video=PATH, data=PATH or case=ID")
-        listed = [{"case": c.id, "path": c.path, "committed_world": c.committed_world} for c in app.store.cases.all()]
+        listed = [
+            {"case": c.id, "path": app.files.shown(c.path), "committed_world": c.committed_world}
+            for c in app.store.cases.all()
+        ]
         damaged = damage_note(app.store.cases.damaged())
         return Answer(summary=f"{len(listed)} cases{damaged}", data={"cases": listed})
     if case is not None:
@@ -58,7 +61,7 @@ def open_case(
                 app.store.cases.add_question(found.id, question)
         return _case_answer(app, found)
     with explained("OpenCase(video=PATH) with the path of a readable video, or data=PATH"):
-        path = cases.existing_file(video or data or "")
+        path = app.files.file(video or data or "")
         facts = _video_facts(path) if video is not None else {"bytes": path.stat().st_size}
         found = cases.open_case(
             app.store,
@@ -82,6 +85,7 @@ def _case_answer(app: App, case: Case) -> Answer:
         {"kind": kind, "observation": identifier} for kind, identifier in app.store.cases.observations(case.id)
     ]
     bindings = app.store.cases.bindings(case.id)
+    shown = app.files.shown(case.path)
     if case.committed_world is not None:
         step = f"Rollout(case={case.id!r})"
     elif app.store.cases.worlds(case.id):
@@ -91,15 +95,15 @@ def _case_answer(app: App, case: Case) -> Answer:
     elif case.kind == "video":
         step = f"ObserveObjects(case={case.id!r}), or ModelVideo(case={case.id!r}, ...) to model it in one call"
     else:
-        step = f"ImportObservation(case={case.id!r}, kind='tracks' (or 'recording': several runs), path={case.path!r})"
+        step = f"ImportObservation(case={case.id!r}, kind='tracks' (or 'recording': several runs), path={shown!r})"
     stage = "World Modeling" if case.committed_world is None else "World Probing"
     return Answer(
-        summary=f"case {case.id} ({stage}): {case.kind} {case.path}",
+        summary=f"case {case.id} ({stage}): {case.kind} {shown}",
         data={
             "case": case.id,
             "stage": stage,
             "kind": case.kind,
-            "path": case.path,
+            "path": shown,
             "facts": case.facts,
             "questions": app.store.cases.questions(case.id),
             "observations": observations,

@@ -73,7 +73,7 @@ def read_header(header: Line, form: RecordingForm) -> Header:
     if not columns:
         names = ", ".join((*LABELS, "t", *PLACE, *TURN, *SPIN, THETA, *PIXELS))
         raise ValueError(
-            f"line {line} has none of the columns {names}: {listed}; the first line that does not begin with # must "
+            f"line {line} has none of the columns {names}; the first line that does not begin with # must "
             "name the columns"
         )
     clock = _choose_clock(line, columns, unused, form.seconds_per_frame, listed)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import os
+import tempfile
 from collections.abc import Iterator
 from contextlib import nullcontext
 
@@ -10,13 +12,20 @@ import pytest
 
 from atw_mcp import server_process
 from atw_mcp.calls import result_schemas
+from atw_mcp.calls.files import VARIABLE
 from atw_mcp.server import build_server
+from tests.real_data import FOLDER
+
+# Files of tests lie where pytest makes them, and measured data beside the repository.
+os.environ.setdefault(VARIABLE, os.pathsep.join([tempfile.gettempdir(), str(FOLDER)]))
 
 
 @pytest.fixture
 def server_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the client's own server run in this process: another one needs seconds to start."""
-    monkeypatch.setattr(server_process, "started", lambda store: nullcontext(build_server(store)))
+    monkeypatch.setattr(
+        server_process, "started", lambda store, allow=(): nullcontext(build_server(store, allow=allow))
+    )
 
 
 @pytest.fixture(autouse=True)

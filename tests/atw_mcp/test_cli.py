@@ -59,7 +59,7 @@ def test_refusal_goes_to_stderr_with_exit_code_1(capfd: pytest.CaptureFixture[st
     store = str(tmp_path / "atw.db")
     code, out, err = run(capfd, "call", "OpenCase", "video=/no/such/film.mp4", "--store", store)
     assert (code, out) == (1, "")
-    assert "no such file: /no/such/film.mp4" in err
+    assert "nothing at /no/such/film.mp4; nor is there its folder" in err
     assert "Traceback" not in err
 
 

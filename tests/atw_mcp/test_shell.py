@@ -73,7 +73,7 @@ def test_a_failed_line_is_named_and_the_next_one_runs(
     assert code == 1
     assert [json.loads(line)["summary"] for line in out] == ["0 cases"]
     assert [line for line in err.splitlines() if not line.startswith("atw-mcp: ")] == []
-    for complaint in ("no such file", "did you mean 'OpenCase'?", "'video' is not key=value", "nothing is called"):
+    for complaint in ("--allow DIR", "did you mean 'OpenCase'?", "'video' is not key=value", "nothing is called"):
         assert complaint in err
 
 

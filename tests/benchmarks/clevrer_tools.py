@@ -78,7 +78,8 @@ def through_tools(scene: Scene, folder: Path, say: Say) -> ToolRun:
 
 async def _work(scene: Scene, folder: Path, say: Say) -> ToolRun:
     with tempfile.TemporaryDirectory() as store:
-        async with Client(build_server(Path(store) / "atw.db")) as client:
+        allow = [folder] if scene.video is None else [folder, scene.video]
+        async with Client(build_server(Path(store) / "atw.db", allow=allow)) as client:
             call = Caller(client)
             if scene.video is not None:
                 case = (await call("OpenCase", video=str(scene.video)))["case"]

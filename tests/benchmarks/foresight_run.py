@@ -90,7 +90,7 @@ def run_clip(clip: Clip, source: Source, *, seed: int = 0, edits: bool = True) -
 
 async def _work(clip: Clip, found: ClipRun, seed: int, edits: bool) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        async with Client(build_server(Path(folder) / "atw.db")) as client:
+        async with Client(build_server(Path(folder) / "atw.db", allow=[Path(folder), clip.folder])) as client:
             call = Caller(client)
             try:
                 modelled = await _modelled(call, clip, found.source, Path(folder), seed)

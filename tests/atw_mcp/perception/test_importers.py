@@ -89,7 +89,7 @@ def test_json_tracks_come_back_as_they_were_written(tmp_path: Path) -> None:
     tracks = import_tracks(written(tmp_path / "t.csv", text), seconds_per_frame=0.04)
     again = import_tracks(written(tmp_path / "t.json", json.dumps(tracks.to_dict())))
     assert again.to_dict() == tracks.to_dict()
-    with pytest.raises(ImportDataError, match=r"it holds \['colour'\]"):
+    with pytest.raises(ImportDataError, match="neither tracks"):
         import_tracks(written(tmp_path / "x.json", '{"colour": 1}'))
     with pytest.raises(ImportDataError, match="not JSON"):
         import_tracks(written(tmp_path / "y.json", "{"))
