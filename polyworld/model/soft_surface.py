@@ -75,11 +75,12 @@ class MeshSurface:
         # The tree is of single precision: in units of the body's size about its middle.
         self._middle, self._size = 0.5 * (lower + upper), float((upper - lower).max())
         scaled = (self._vertices - self._middle) / self._size
-        self._tree: Any = wp.Mesh(
-            points=buffers.array(scaled, wp.vec3),
-            indices=buffers.array(self._faces.ravel(), wp.int32),
-            support_winding_number=True,
-        )
+        with buffers.running():
+            self._tree: Any = wp.Mesh(
+                points=buffers.array(scaled, wp.vec3),
+                indices=buffers.array(self._faces.ravel(), wp.int32),
+                support_winding_number=True,
+            )
 
     def nearest(self, points: Array) -> tuple[Array, Array]:
         """See Surface."""

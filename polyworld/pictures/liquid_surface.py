@@ -47,9 +47,10 @@ def liquid_surface(points: Array, grid: FluidGrid) -> Surface:
             crossed, corner_values = _crossed_cells(field[own])
             cells.append(crossed + first)
             values.append(corner_values)
-    surface: Any = sparse_marching_cubes_from_cells(
-        np.concatenate(cells).astype(np.int32), np.concatenate(values), device=buffers.DEVICE
-    )
+    with buffers.running():
+        surface: Any = sparse_marching_cubes_from_cells(
+            np.concatenate(cells).astype(np.int32), np.concatenate(values), device=buffers.DEVICE
+        )
     vertices, indices = (array.numpy() for array in surface)
     places = lower + step * vertices.astype(float)
     if grid.closed:

@@ -141,13 +141,15 @@ def _packed(eye: Array, things: Sequence[Drawn]) -> tuple[Any, Any, Any]:
         scene.normals = array([s.normals for _, s in surfaces], wp.vec3)
         scene.triangle_label = array([np.full(len(s.triangles), t.label) for t, s in surfaces], int)
         scene.triangle_color = array([_colors(t, s.tint) for t, s in surfaces], wp.vec3)
-        mesh = wp.Mesh(array([s.vertices - eye for _, s in surfaces], wp.vec3), scene.indices.flatten())
+        with buffers.running():
+            mesh = wp.Mesh(array([s.vertices - eye for _, s in surfaces], wp.vec3), scene.indices.flatten())
         scene.mesh = mesh.id
     if rods:
         starts, ends = (np.concatenate([getattr(r, end) - eye for _, r in rods]) for end in ("starts", "ends"))
         radii = np.concatenate([r.radii for _, r in rods])[:, None]
         lower, upper = np.minimum(starts, ends) - radii, np.maximum(starts, ends) + radii
-        hierarchy = wp.Bvh(array([lower], wp.vec3), array([upper], wp.vec3))
+        with buffers.running():
+            hierarchy = wp.Bvh(array([lower], wp.vec3), array([upper], wp.vec3))
         scene.rods = hierarchy.id
         scene.start, scene.end = array([starts], wp.vec3), array([ends], wp.vec3)
         scene.radius = array([radii[:, 0]], float)

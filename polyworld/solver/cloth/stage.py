@@ -107,8 +107,8 @@ class ClothStage:
 
     def reset(self) -> None:
         """Directors halfway between the normals, and at rest."""
-        self._bending.angle.zero_()
-        self._bending.rate.zero_()
+        buffers.clear(self._bending.angle)
+        buffers.clear(self._bending.rate)
 
     def stable_step(self) -> Array:
         """See MaterialStage."""

@@ -8,8 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import warp as wp
-
 from polyworld.core import buffers
 from polyworld.solver.coupled import motion
 from polyworld.solver.coupled.stage import Paced
@@ -116,10 +114,10 @@ def capture(shard: Shard) -> Graphs:
 
 def advance(shard: Shard, graphs: Graphs) -> None:
     """Take one coupling step of `clock.h`, in as many inner steps as the slowest world needs."""
-    wp.capture_launch(graphs.begin)
+    buffers.replay(graphs.begin)
     left = int(shard.clock.inner_steps.numpy().max()) if shard.solids else 0
     while left > 0:
         size = BLOCK if left >= BLOCK else 1
-        wp.capture_launch(graphs.block if size == BLOCK else graphs.inner)
+        buffers.replay(graphs.block if size == BLOCK else graphs.inner)
         left -= size
-    wp.capture_launch(graphs.end)
+    buffers.replay(graphs.end)

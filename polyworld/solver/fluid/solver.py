@@ -109,8 +109,8 @@ class FluidSolver:
         seeded = sum(counts)
         if p.x.shape[1] < seeded:
             return  # the first `write` makes room
-        p.fluid.fill_(-1)
-        p.gradient.zero_()
+        buffers.fill(p.fluid, -1)
+        buffers.clear(p.gradient)
         if seeded:
             p.x.numpy()[:, :seeded] = np.concatenate([s.nodes for s in self._seeds])
             v = np.repeat(np.array([f.velocity for f in self.fluids]), counts, axis=0)
@@ -118,9 +118,9 @@ class FluidSolver:
                 v[:, self.grid.thin] = 0.0
             p.v.numpy()[:, :seeded] = v
             p.fluid.numpy()[:, :seeded] = np.repeat(np.arange(len(counts)), counts)
-        p.used.fill_(seeded)
-        self.records.fields.pressure.zero_()
-        self.records.pace.diverged.fill_(-1)
+        buffers.fill(p.used, seeded)
+        buffers.clear(self.records.fields.pressure)
+        buffers.fill(self.records.pace.diverged, -1)
         wet, s = self.records.wetted, self.records.sources
         arrays: list[Any] = [
             wet.forecast,
@@ -131,7 +131,7 @@ class FluidSolver:
         ]
         arrays += [s.due, s.allowed, s.emitted, s.drained, s.full]
         for array in arrays:
-            array.zero_()
+            buffers.clear(array)
 
     def apply_prediction(self, clock: Clock) -> None:
         """Before the rigid step, apply the fluid's last impulse to bodies as a prediction, which `step` removes.

@@ -267,7 +267,7 @@ class RopeStage:
                     resists = self._fields[pulley.name]["friction" if slides else "bearing_friction"] > 0.0
                     rows["mode"][:, at] = np.where(resists, 0, 1)
                     at += 1
-            s.wheels.assign(rows)
+            buffers.assign(s.wheels, rows)
 
     def stable_step(self) -> Array:
         """See `MaterialStage.stable_step`.

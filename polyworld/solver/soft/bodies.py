@@ -87,7 +87,7 @@ class Kind:
                 setattr(self._readings, name, buffers.zeros((worlds, self.count), wp.float64))
         out = self._readings
         for values in (out.stress, out.strain, out.volume):
-            values.zero_()
+            buffers.clear(values)
         undo = self.undo if flows else self._none
         buffers.launch(self.read, (worlds, self.count), [self.elements, laws, x, undo, out])
         found = {}
