@@ -100,3 +100,8 @@ def label(table: str, row: Row) -> str:
         "answers": "an answer",
     }
     return f"{kinds[table]} (number {row['seq']}) of case {row['case_id']!r}"
+
+
+def text_of(raw: bytes) -> str:
+    """Text of a value; bytes that are no UTF-8, in a damaged row, become characters that its checksum does not fit."""
+    return raw.decode("utf-8", "surrogateescape")

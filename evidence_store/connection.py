@@ -3,33 +3,22 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sqlite3
 import threading
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from sqlite_utils import Database
 
-from evidence_store.checksums import stamped, verified
-from evidence_store.errors import (
-    NotAStore,
-    StoreDamaged,
-    StoreDiskError,
-    StoreError,
-    StoreFull,
-    StoreLocked,
-    StoreReadOnly,
-    StoreTooNew,
-)
+from evidence_store.checksums import stamped, text_of, verified
+from evidence_store.errors import NotAStore, StoreError, StoreReadOnly, StoreTooNew
 from evidence_store.migrations import migrate
 from evidence_store.schema import APPLICATION_ID, TABLES, VERSION
+from evidence_store.sqlite_errors import plain_errors
 
 BUSY_TIMEOUT = 10.0  # [s] to wait for another writer; a transaction of ours takes milliseconds
-NO_ROOM = 1 << 20  # [bytes] free on a disk that is as good as full: SQLite writes its log in pieces of some 100 kB
-APPLICATION_ID_AT = 68  # [bytes] from the start of an SQLite file, https://www.sqlite.org/fileformat2.html
 
 
 class Connection:
@@ -107,7 +96,7 @@ class Connection:
             return existing
         # Each thread uses only its own connection; check_same_thread is off so that close() may close them all.
         connection = sqlite3.connect(self.path, timeout=self._busy_timeout, check_same_thread=False)
-        connection.text_factory = _text
+        connection.text_factory = text_of
         connection.execute("PRAGMA foreign_keys = ON")
         connection.execute("PRAGMA synchronous = NORMAL")
         database = Database(connection)
@@ -179,61 +168,8 @@ class Connection:
                 "atw-mcp or choose another store with --store PATH"
             )
 
-    @contextmanager
-    def _plain_errors(self) -> Iterator[None]:
-        try:
-            yield
-        except sqlite3.Error as error:
-            raise self._plain_error(error) from error
-
-    def _plain_error(self, error: sqlite3.Error) -> StoreError:
-        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-        if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-            return StoreLocked(
-                f"the evidence store {self.path} is locked by another process for more than "
-                f"{self._busy_timeout:g} s: end that process, or call again when it is done; nothing was changed"
-            )
-        if code in (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM, sqlite3.SQLITE_CANTOPEN):
-            return StoreReadOnly(
-                f"the evidence store {self.path} cannot be written ({error}): give write permission to the file "
-                "and its folder, or choose another store with --store PATH; nothing was changed"
-            )
-        if code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR):
-            free = self._free()
-            if code == sqlite3.SQLITE_FULL or free < NO_ROOM:
-                return StoreFull(
-                    f"the evidence store {self.path} cannot grow ({error}; {free / 1e6:.1f} MB free on its disk): free "
-                    f"space there, or `atw-mcp prune --store {self.path}` drops cached results that no evidence refers "
-                    "to; nothing was changed"
-                )
-            return StoreDiskError(
-                f"the evidence store {self.path} could not be read or written ({error}; {free / 1e6:.1f} MB free on "
-                "its disk): check the disk, and the limit of file sizes with `ulimit -f`; nothing was changed"
-            )
-        if code in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT):
-            if self._is_ours():
-                return StoreDamaged(
-                    f"the evidence store {self.path} is damaged ({error}). Next: end the servers that use it; "
-                    f"`atw-mcp doctor --store {self.path} --repair` writes what can be read of it to a new file"
-                )
-            return NotAStore(
-                f"{self.path} is not an evidence store ({error}), left untouched: choose another file with --store PATH"
-            )
-        return StoreError(f"the evidence store {self.path} failed ({error}); nothing was changed")
-
-    def _is_ours(self) -> bool:
-        try:
-            with self.path.open("rb") as file:
-                file.seek(APPLICATION_ID_AT)
-                return file.read(4) == APPLICATION_ID.to_bytes(4, "big")
-        except OSError:
-            return False
-
-    def _free(self) -> int:
-        try:
-            return shutil.disk_usage(self.path.parent).free
-        except OSError:
-            return 0
+    def _plain_errors(self) -> AbstractContextManager[None]:
+        return plain_errors(self.path, self._busy_timeout)
 
 
 def next_number(database: Database, table: str) -> int:
@@ -243,8 +179,3 @@ def next_number(database: Database, table: str) -> int:
         return 1 + (0 if found is None else int(found[0]))
     (last,) = database.conn.execute(f"SELECT coalesce(max(seq), 0) FROM {table}").fetchone()
     return 1 + int(last)
-
-
-def _text(raw: bytes) -> str:
-    """Text of a value; bytes that are no UTF-8, in a damaged row, become characters that its checksum does not fit."""
-    return raw.decode("utf-8", "surrogateescape")

@@ -78,21 +78,22 @@ class Jobs:
         """The job of an evidence record, or None when nothing works on it."""
         with self._connection.read() as database:
             rows = list(database.query("SELECT * FROM jobs WHERE evidence_seq = ?", [sequence_number(evidence)]))
-        return _job(rows[0]) if rows else None
+        return job_of(rows[0]) if rows else None
 
     def working_on(self, key: str) -> Job | None:
         """The living job that computes `key`, if there is one."""
         with self._connection.read() as database:
             rows = list(database.query("SELECT * FROM jobs WHERE key = ? ORDER BY evidence_seq", [key]))
-        return next((job for job in map(_job, rows) if job.alive() and not job.cancel_requested), None)
+        return next((job for job in map(job_of, rows) if job.alive() and not job.cancel_requested), None)
 
     def all(self) -> list[Job]:
         """Every job, living or not."""
         with self._connection.read() as database:
-            return [_job(row) for row in database.query("SELECT * FROM jobs ORDER BY evidence_seq")]
+            return [job_of(row) for row in database.query("SELECT * FROM jobs ORDER BY evidence_seq")]
 
 
-def _job(row: dict[str, Any]) -> Job:
+def job_of(row: dict[str, Any]) -> Job:
+    """A row of the table as a job."""
     return Job(
         evidence=f"ev-{row['evidence_seq']}",
         key=row["key"],

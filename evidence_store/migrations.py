@@ -31,7 +31,7 @@ def _add_checksums(connection: sqlite3.Connection) -> None:
         for rowid in rowids:  # one row at a time: arrays may be large
             cursor = connection.execute(f"SELECT * FROM {table} WHERE rowid = ?", [rowid])
             row = dict(zip((column[0] for column in cursor.description), cursor.fetchone(), strict=True))
-            if not _readable(row):
+            if not readable(row):
                 continue
             marked = stamped(table, row)
             columns = ["checksum", *(PARTS.values() if table == "evidence" else ())]
@@ -41,7 +41,7 @@ def _add_checksums(connection: sqlite3.Connection) -> None:
             )
 
 
-def _readable(row: Mapping[str, Any]) -> bool:
+def readable(row: Mapping[str, Any]) -> bool:
     """Whether the JSON of a row can be parsed and its packed arrays fit the CRC-32 that npz files carry."""
     try:
         for name, value in row.items():

@@ -76,7 +76,7 @@ def test_a_migration_that_fails_leaves_the_store_as_it_was(old: Path, monkeypatc
         raise sqlite3.OperationalError("half way")
 
     before = columns(old)
-    monkeypatch.setattr("evidence_store.migrations._readable", fail)
+    monkeypatch.setattr("evidence_store.migrations.readable", fail)
     with pytest.raises(StoreError, match="half way"):
         EvidenceStore(old)
     monkeypatch.undo()

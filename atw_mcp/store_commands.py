@@ -1,0 +1,127 @@
+"""Commands that look after the evidence store: doctor, prune, backup."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+OK, FAILED = 0, 1
+
+
+def add_parser(commands: Any) -> None:
+    """Declare the commands."""
+    doctor = commands.add_parser("doctor", help="examine the evidence store and what the server needs")
+    doctor.add_argument(
+        "--repair",
+        action="store_true",
+        help="mark work of ended processes failed and rebuild indices; where records are damaged, write all others to "
+        "a new store beside the damaged one, which is kept",
+    )
+    _declare(doctor, _doctor)
+
+    prune = commands.add_parser(
+        "prune",
+        help="remove cached observations, rollouts and fits that no case and no evidence refers to",
+        description="Remove cached observations, rollouts and fits that no case and no evidence refers to, and give "
+        "their space back to the disk. No server may use the store meanwhile.",
+    )
+    prune.add_argument(
+        "--case", action="append", default=[], metavar="ID", help="remove this case too, with all its evidence"
+    )
+    prune.add_argument("--dry-run", action="store_true", help="only say what would be removed")
+    _declare(prune, _prune)
+
+    backup = commands.add_parser("backup", help="copy the evidence store, also while servers use it")
+    backup.add_argument("file", type=Path, metavar="FILE", help="where to write the copy; must not exist")
+    _declare(backup, _backup)
+
+
+def _declare(parser: argparse.ArgumentParser, command: Callable[[argparse.Namespace, Path], int]) -> None:
+    parser.add_argument(
+        "--store", type=Path, metavar="FILE", help="evidence store (default: in the user's data folder)"
+    )
+
+    def run(options: argparse.Namespace) -> int:
+        from evidence_store import StoreError
+
+        try:
+            return command(options, _store(options))
+        except StoreError as error:
+            print(f"atw-mcp: {error}", file=sys.stderr)
+            return FAILED
+
+    parser.set_defaults(command=run)
+
+
+def _store(options: argparse.Namespace) -> Path:
+    if options.store is not None:
+        return Path(options.store).expanduser().absolute()
+    from atw_mcp.server import default_store  # imports every tool: only where its answer is wanted
+
+    return default_store()
+
+
+def _doctor(options: argparse.Namespace, store: Path) -> int:
+    from atw_mcp.environment import environment
+    from evidence_store.checking import check
+
+    repaired = _repair(store) if options.repair and store.exists() else True
+    findings = [*check(store), *environment(store)]
+    for finding in findings:
+        print(f"{'ok   ' if finding.good else 'WRONG'}  {finding.subject}: {finding.text}")
+    return OK if repaired and all(finding.good for finding in findings) else FAILED
+
+
+def _repair(store: Path) -> bool:
+    """Repair in place what can be, else recover into a new file; returns whether the store itself is whole now."""
+    from evidence_store import NotAStore, StoreDamaged
+    from evidence_store.checking import check, mend
+    from evidence_store.recovery import recover
+
+    try:
+        for line in mend(store):
+            print(f"repaired: {line}")
+    except NotAStore:
+        raise
+    except StoreDamaged:
+        pass
+    if all(finding.good for finding in check(store)):
+        return True
+    recovery = recover(store, _unused(store))
+    print(f"recovered: {recovery.kept} records, to {recovery.path}; {store} is left as it is")
+    for line in recovery.lost:
+        print(f"lost: {line}")
+    for line in recovery.changed:
+        print(f"changed: {line}")
+    print(f"Next: use --store {recovery.path}, or end the servers and move it to {store}")
+    return False
+
+
+def _unused(store: Path) -> Path:
+    number = 1
+    while (path := store.with_name(f"{store.stem}.recovered-{number}{store.suffix}")).exists():
+        number += 1
+    return path
+
+
+def _prune(options: argparse.Namespace, store: Path) -> int:
+    from evidence_store.upkeep import prune
+
+    pruned = prune(store, cases=options.case, dry_run=options.dry_run)
+    said = ", ".join(f"{count} {table.replace('_', ' ')}" for table, count in pruned.removed.items() if count)
+    print(f"{'would remove' if options.dry_run else 'removed'} {said or 'nothing'}")
+    if pruned.after is not None:
+        print(f"{store}: {pruned.before / 1e6:.2f} MB before, {pruned.after / 1e6:.2f} MB now")
+    return OK
+
+
+def _backup(options: argparse.Namespace, store: Path) -> int:
+    from evidence_store.upkeep import backup
+
+    target = options.file.expanduser().absolute()
+    size = backup(store, target)
+    print(f"{target}: {size / 1e6:.2f} MB")
+    return OK

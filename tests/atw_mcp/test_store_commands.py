@@ -1,0 +1,70 @@
+"""The commands that look after a store say what they found and did, and fail where something is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from atw_mcp.cli import main
+from evidence_store import Evidence, EvidenceStore
+from tests.evidence_store.records import filled, tamper
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    store = filled(tmp_path / "atw.db")
+    store.close()
+    return store.path
+
+
+def test_doctor_is_content_with_a_whole_store(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["doctor", "--store", str(store)]) == 0
+    said = capsys.readouterr().out
+    assert "WRONG" not in said
+    for subject in ("checksums", "jobs", "Python", "Warp", "OpenCV", "kernel cache", "disk"):
+        assert f"{subject}: " in said
+
+
+def test_doctor_fails_on_damage_and_recovers_the_rest(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tamper(store, "UPDATE evidence SET summary = 'something else' WHERE seq = 1")
+    assert main(["doctor", "--store", str(store)]) == 1
+    assert "WRONG  checksums: damaged: evidence ev-1" in capsys.readouterr().out
+    assert main(["doctor", "--repair", "--store", str(store)]) == 1, "the store itself is still damaged"
+    said = capsys.readouterr().out
+    recovered = store.with_name("atw.recovered-1.db")
+    assert str(recovered) in said
+    assert "lost: evidence ev-1" in said
+    assert main(["doctor", "--store", str(recovered)]) == 0
+    assert EvidenceStore(recovered).read_evidence("ev-3").tool == "FitWorld"
+
+
+def test_doctor_repairs_what_ended_processes_left(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    opened = EvidenceStore(store)
+    opened.evidence.update(Evidence("FitWorld", {}, case="ball", status="running", id="ev-3"))
+    opened.close()
+    assert main(["doctor", "--store", str(store)]) == 1
+    assert main(["doctor", "--store", str(store), "--repair"]) == 0
+    assert "repaired: marked failed" in capsys.readouterr().out
+
+
+def test_doctor_says_what_is_no_store(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "notes.txt"
+    path.write_text("notes " * 1000)
+    assert main(["doctor", "--store", str(path)]) == 1
+    assert main(["doctor", "--repair", "--store", str(path)]) == 1
+    assert "not an evidence store" in capsys.readouterr().err
+    assert path.read_text() == "notes " * 1000
+
+
+def test_backup_and_prune_say_what_they_did(store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    copy = store.with_name("copy.db")
+    assert main(["backup", str(copy), "--store", str(store)]) == 0
+    assert main(["backup", str(copy), "--store", str(store)]) == 1
+    assert "exists already" in capsys.readouterr().err
+    assert main(["prune", "--dry-run", "--store", str(store)]) == 0
+    assert "would remove nothing" in capsys.readouterr().out
+    assert main(["prune", "--case", "ball", "--store", str(store)]) == 0
+    assert "1 cases" in capsys.readouterr().out
+    assert EvidenceStore(store).cases.all() == []
+    assert [case.id for case in EvidenceStore(copy).cases.all()] == ["ball"]
