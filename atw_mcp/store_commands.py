@@ -1,4 +1,4 @@
-"""Commands that look after the evidence store: doctor, prune, backup."""
+"""Commands that look after the evidence store: doctor, prune, backup, export, import."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-OK, FAILED = 0, 1
+OK, FAILED, USAGE = 0, 1, 2
 
 
 def add_parser(commands: Any) -> None:
@@ -37,6 +37,21 @@ def add_parser(commands: Any) -> None:
     backup = commands.add_parser("backup", help="copy the evidence store, also while servers use it")
     backup.add_argument("file", type=Path, metavar="FILE", help="where to write the copy; must not exist")
     _declare(backup, _backup)
+
+    export = commands.add_parser("export", help="write a case with all it rests on to a file, or its provenance")
+    export.add_argument("case", metavar="CASE")
+    export.add_argument("--out", type=Path, metavar="FILE.zip", help="write the whole case here, for `atw-mcp import`")
+    export.add_argument("--prov", type=Path, metavar="FILE.json", help="write its provenance here, as W3C PROV-JSON")
+    _declare(export, _export)
+
+    imported = commands.add_parser(
+        "import",
+        help="store a case that `export` wrote; its evidence keeps its ids",
+        description="Store a case that `atw-mcp export` wrote. Its evidence keeps its ids, because answers refer to "
+        "them: where the store has evidence of the same ids, import into a store of its own.",
+    )
+    imported.add_argument("file", type=Path, metavar="FILE.zip")
+    _declare(imported, _import)
 
 
 def _declare(parser: argparse.ArgumentParser, command: Callable[[argparse.Namespace, Path], int]) -> None:
@@ -125,3 +140,46 @@ def _backup(options: argparse.Namespace, store: Path) -> int:
     size = backup(store, target)
     print(f"{target}: {size / 1e6:.2f} MB")
     return OK
+
+
+def _export(options: argparse.Namespace, store: Path) -> int:
+    from evidence_store import EvidenceStore, StoreError
+    from evidence_store.export import export_case
+    from evidence_store.provenance import prov_json
+
+    if options.out is None and options.prov is None:
+        print("atw-mcp: export needs --out FILE.zip, --prov FILE.json or both", file=sys.stderr)
+        return USAGE
+    if not store.exists():
+        raise StoreError(f"there is no evidence store at {store}: name one with --store PATH")
+    opened = EvidenceStore(store)
+    try:
+        if options.out is not None:
+            counts = export_case(opened, options.case, options.out.expanduser().absolute())
+            print(f"{options.out}: {_counted(counts)}")
+        if options.prov is not None:
+            options.prov.write_text(prov_json(opened, options.case), encoding="utf-8")
+            print(f"{options.prov}: provenance of {options.case}")
+    except OSError as error:
+        print(f"atw-mcp: {options.prov} cannot be written ({error.strerror})", file=sys.stderr)
+        return FAILED
+    finally:
+        opened.close()
+    return OK
+
+
+def _import(options: argparse.Namespace, store: Path) -> int:
+    from evidence_store import EvidenceStore
+    from evidence_store.export import import_case
+
+    opened = EvidenceStore(store)
+    try:
+        case, counts = import_case(opened, options.file.expanduser())
+    finally:
+        opened.close()
+    print(f"{store}: case {case} with {_counted(counts)}")
+    return OK
+
+
+def _counted(counts: dict[str, int]) -> str:
+    return ", ".join(f"{count} {table.replace('_', ' ')}" for table, count in counts.items() if count)

@@ -8,6 +8,7 @@ from evidence_store.canonical import content_id, to_json
 from evidence_store.cases import Answer, Binding, Case
 from evidence_store.content import Content, ContentTable
 from evidence_store.errors import (
+    BadArchive,
     NotAStore,
     RecordDamaged,
     StoreDamaged,
@@ -26,6 +27,7 @@ from evidence_store.worlds import Descent
 
 __all__ = [
     "Answer",
+    "BadArchive",
     "Binding",
     "Case",
     "Content",

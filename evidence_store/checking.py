@@ -58,7 +58,7 @@ def mend(path: Path) -> list[str]:
     done = []
     store = EvidenceStore(path)
     try:
-        with store._connection.read() as database:
+        with store.connection.read() as database:
             running = [f"ev-{seq}" for (seq,) in database.conn.execute(_RUNNING).fetchall()]
             broken_indices = not _integrity(database.conn).good
         failed = [name for name in running if _is_failed(store, name)]
@@ -69,7 +69,7 @@ def mend(path: Path) -> list[str]:
                 store.jobs.finish(job.evidence)
                 done.append(f"removed the job of {job.evidence}, whose process has ended")
         if broken_indices:
-            with store._connection.write() as database:
+            with store.connection.write() as database:
                 database.conn.execute("REINDEX")
             done.append("rebuilt the indices from the tables")
     finally:

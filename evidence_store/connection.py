@@ -60,6 +60,17 @@ class Connection:
                 database.conn.rollback()
                 raise
 
+    @contextmanager
+    def snapshot(self) -> Iterator[Database]:
+        """One reading transaction: all that is read inside is of one moment, and keeps no writer waiting."""
+        with self._plain_errors():
+            database = self._database()
+            database.conn.execute("BEGIN")
+            try:
+                yield database
+            finally:
+                database.conn.rollback()
+
     def insert(self, table: str, row: Mapping[str, Any], *, ignore: bool = False) -> None:
         """Store a row with its checksums; ignore: leave a row that is there already. Inside `write`."""
         marked = stamped(table, row)

@@ -37,5 +37,9 @@ class RecordDamaged(StoreDamaged):
     """One record is not as it was written; other records can be read."""
 
 
+class BadArchive(StoreError):
+    """The file is no case that `export` wrote, or not as it was written."""
+
+
 class UnknownRecord(StoreError):
     """No record of that kind has that id."""

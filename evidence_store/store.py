@@ -23,20 +23,20 @@ class EvidenceStore:
     """
 
     def __init__(self, path: str | os.PathLike[str], *, busy_timeout: float | None = None) -> None:
-        self._connection = Connection(path, busy_timeout=busy_timeout)
-        self.path = self._connection.path
-        self.cases = Cases(self._connection)
-        self.worlds = Worlds(self._connection)
-        self.observations = ContentTable(self._connection, "observations", "obs")
-        self.rollouts = ContentTable(self._connection, "rollouts", "rollout")
-        self.fits = ContentTable(self._connection, "fits", "fit")
-        self.evidence = EvidenceTable(self._connection)
-        self.jobs = Jobs(self._connection)
+        self.connection = Connection(path, busy_timeout=busy_timeout)
+        self.path = self.connection.path
+        self.cases = Cases(self.connection)
+        self.worlds = Worlds(self.connection)
+        self.observations = ContentTable(self.connection, "observations", "obs")
+        self.rollouts = ContentTable(self.connection, "rollouts", "rollout")
+        self.fits = ContentTable(self.connection, "fits", "fit")
+        self.evidence = EvidenceTable(self.connection)
+        self.jobs = Jobs(self.connection)
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
         """Everything stored inside is stored together, or not at all."""
-        with self._connection.write():
+        with self.connection.write():
             yield
 
     def read_evidence(self, identifier: str) -> Evidence:
@@ -64,4 +64,4 @@ class EvidenceStore:
         Nothing acknowledged is lost where this is never called; but a copy of the file alone then lacks what its log
         holds.
         """
-        self._connection.close()
+        self.connection.close()

@@ -185,7 +185,7 @@ def test_a_write_refused_by_sqlite_is_reported_as_read_only(store: EvidenceStore
     add_case(store)
     with store.transaction():
         pass
-    with store._connection.read() as database:
+    with store.connection.read() as database:
         database.conn.execute("PRAGMA query_only = ON")
     with pytest.raises(StoreReadOnly, match="cannot be written"):
         add_case(store, "second")

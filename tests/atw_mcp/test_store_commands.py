@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import anyio
 import pytest
+from mcp import Client
 
 from atw_mcp.cli import main
+from atw_mcp.server import build_server
 from evidence_store import Evidence, EvidenceStore
 from tests.evidence_store.records import filled, tamper
 
@@ -68,3 +72,33 @@ def test_backup_and_prune_say_what_they_did(store: Path, capsys: pytest.CaptureF
     assert "1 cases" in capsys.readouterr().out
     assert EvidenceStore(store).cases.all() == []
     assert [case.id for case in EvidenceStore(copy).cases.all()] == ["ball"]
+
+
+def result_of(store: Path, evidence: str) -> tuple[object, ...]:
+    """All that ReadEvidence returns for a record, as an agent receives it."""
+
+    async def session() -> tuple[object, ...]:
+        async with Client(build_server(store)) as client:
+            read = await client.call_tool("ReadEvidence", {"evidence": evidence})
+            return [block.model_dump_json() for block in read.content], json.dumps(read.structured_content)
+
+    return anyio.run(session)
+
+
+def test_an_exported_case_reads_the_same_bytes_where_it_is_imported(
+    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    archive, other, provenance = tmp_path / "case.zip", tmp_path / "other.db", tmp_path / "prov.json"
+    assert main(["export", "ball", "--store", str(store)]) == 2
+    assert main(["export", "ball", "--out", str(archive), "--prov", str(provenance), "--store", str(store)]) == 0
+    assert "wasDerivedFrom" in json.loads(provenance.read_text())
+    assert main(["import", str(archive), "--store", str(other)]) == 0
+    for evidence in ("ev-1", "ev-3"):
+        assert result_of(other, evidence) == result_of(store, evidence)
+    assert main(["import", str(archive), "--store", str(store)]) == 1
+    assert main(["import", str(provenance), "--store", str(other)]) == 1
+    assert main(["export", "ball", "--out", str(tmp_path / "x.zip"), "--store", str(tmp_path / "none.db")]) == 1
+    said = capsys.readouterr().err
+    assert "already" in said
+    assert "no zip file" in said
+    assert not (tmp_path / "none.db").exists()

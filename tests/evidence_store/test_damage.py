@@ -157,20 +157,20 @@ def test_a_store_whose_first_bytes_are_gone_is_still_known_for_one(tmp_path: Pat
 
 def test_a_full_disk_is_named_and_the_store_works_again_afterwards(tmp_path: Path) -> None:
     store = filled(tmp_path / "atw.db")
-    with store._connection.read() as database:
+    with store.connection.read() as database:
         (pages,) = database.conn.execute("PRAGMA page_count").fetchone()
         database.conn.execute(f"PRAGMA max_page_count = {pages}")
     with pytest.raises(StoreFull, match=r"MB free.*atw-mcp prune"):
         store.evidence.add(Evidence("Rollout", {}, case="ball", payload={"text": "x" * 100_000}))
     assert len(store.evidence.of_case("ball")) == 2, "reading goes on"
-    with store._connection.read() as database:
+    with store.connection.read() as database:
         database.conn.execute("PRAGMA max_page_count = 1000000")
     assert store.evidence.add(Evidence("Rollout", {}, case="ball", payload={"text": "x" * 100_000})).id == "ev-4"
 
 
 def test_a_commit_that_fails_leaves_no_transaction_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = filled(tmp_path / "atw.db")
-    with store._connection.read() as database:
+    with store.connection.read() as database:
         connection = database.conn
 
     class Failing:

@@ -48,7 +48,7 @@ def test_a_store_of_version_1_opens_with_all_it_holds(old: Path, tmp_path: Path)
     assert store.read_evidence("ev-3").status == "failed", "its worker is long gone"
     EvidenceStore(tmp_path / "new.db").close()
     assert columns(old) == columns(tmp_path / "new.db")
-    with store._connection.read() as database:
+    with store.connection.read() as database:
         assert database.conn.execute("PRAGMA user_version").fetchone() == (VERSION,)
         for table in COLUMNS:
             assert all(intact(table, row) for row in database.query(f"SELECT * FROM {table}"))
