@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
-from scipy.stats import t as student
+from scipy.special import chdtri, stdtrit  # scipy.stats is slow to import
 
 from polyworld.estimation.fit_context import FittedHypothesis
 from polyworld.gap import ebic
@@ -175,7 +174,7 @@ def support_of(
 def widened(intervals: Array, trial: FittedHypothesis, error: ModelError) -> Array:
     """Return 95% intervals (S, 2) widened by the scatter of the runs (cluster-robust) and the model error."""
     evidence = run_evidence(trial, error)
-    factor = float(student.ppf(0.975, max(len(evidence.level) - 1, 1)))
+    factor = float(stdtrit(max(len(evidence.level) - 1, 1), 0.975))
     unknowns = trial.hypothesis.unknowns
     spread = factor * np.sqrt(np.maximum(np.diag(_clustered_covariance(evidence)), 0.0))
     lower, upper = np.array([u.lower for u in unknowns]), np.array([u.upper for u in unknowns])

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from atw_mcp.calls.deferred import DeferredTool
+from atw_mcp.demo.truth import FOLDER
 from atw_mcp.server import all_tools
 from atw_mcp.tools import manifest
 
@@ -67,6 +68,12 @@ def test_tools_about_cases_and_evidence_load_no_engine(tmp_path: Path) -> None:
     loaded = imports_of(SERVER, str(tmp_path / "atw.db"), json.dumps(calls))
     assert "evidence_store" in loaded
     assert not loaded & set(HEAVY)
+
+
+def test_opening_a_video_loads_what_reads_it_and_no_engine(tmp_path: Path) -> None:
+    calls = [("OpenCase", {"video": str(FOLDER / "collision.mp4")})]
+    loaded = imports_of(SERVER, str(tmp_path / "atw.db"), json.dumps(calls))
+    assert loaded & set(HEAVY) == {"cv2"}
 
 
 def test_a_client_loads_neither_server_nor_engine(tmp_path: Path) -> None:

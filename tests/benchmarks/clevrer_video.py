@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from atw_mcp.perception import observe, world_tracks
 from atw_mcp.perception.import_images import import_camera
+from atw_mcp.perception.observe import observe
+from atw_mcp.perception.tracks import world_tracks
 from atw_mcp.worlds.building import from_trusted_start
 from polyworld.data.tracks import ObservedTracks
 from tests.scenes.clevrer_data import SECONDS_PER_FRAME, SHAPES, Collision, Scene

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from atw_mcp.perception import (
+from atw_mcp.perception.calibration import (
     CalibrationError,
     calibrate_from_homography,
     calibrate_from_known_length,

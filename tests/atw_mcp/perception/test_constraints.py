@@ -9,23 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
-from atw_mcp.perception import (
-    Correction,
-    Drop,
-    Exclude,
-    ImageObservation,
-    ObservationError,
-    Outline,
-    Place,
-    Rename,
-    RunLengthMask,
-    Shadow,
-    Split,
-    Stay,
-    calibrate_given,
-    correct,
-    observe,
-)
+from atw_mcp.perception.calibration import calibrate_given
+from atw_mcp.perception.correction import correct
+from atw_mcp.perception.corrections import Correction, Drop, Exclude, Outline, Place, Rename, Shadow, Split, Stay
+from atw_mcp.perception.masks import RunLengthMask
+from atw_mcp.perception.observation import ImageObservation, ObservationError
+from atw_mcp.perception.observe import observe
 from tests.atw_mcp.perception.clips import Clip, Disc, overlap, plain, render
 
 RED, BLUE, GREY = (40, 40, 170), (170, 70, 40), (98, 98, 98)

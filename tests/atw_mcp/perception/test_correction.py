@@ -5,21 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from atw_mcp.perception import (
-    Correction,
-    Drop,
-    ImageObservation,
-    Merge,
-    ObservationError,
-    Outline,
-    Rename,
-    RunLengthMask,
-    Split,
-    VideoError,
-    correct,
-    correction_of,
-    observe,
-)
+from atw_mcp.perception.correction import correct
+from atw_mcp.perception.corrections import Correction, Drop, Merge, Outline, Rename, Split, correction_of
+from atw_mcp.perception.masks import RunLengthMask
+from atw_mcp.perception.observation import ImageObservation, ObservationError
+from atw_mcp.perception.observe import observe
+from atw_mcp.perception.video import VideoError
 from tests.atw_mcp.perception.clips import Clip, Disc, overlap, render
 
 RED, BLUE = (40, 40, 170), (170, 70, 40)

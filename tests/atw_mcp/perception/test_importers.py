@@ -10,16 +10,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from atw_mcp.perception import (
-    ImportDataError,
-    clevrer_appearances,
-    import_camera,
-    import_depth,
-    import_masks,
-    import_mesh,
-    import_tracks,
-)
+from atw_mcp.perception.import_files import ImportDataError
+from atw_mcp.perception.import_images import import_camera, import_depth, import_masks, import_mesh
 from atw_mcp.perception.import_shapes import import_points, import_series
+from atw_mcp.perception.import_tracks import clevrer_appearances, import_tracks
 from polyworld.probing.readouts import Amount, Centreline, Curve, Front, Markers, Tension
 from polyworld.world.camera import Camera
 from tests.atw_mcp.perception.clips import HEIGHT, WIDTH, Clip, Disc, render

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from atw_mcp.perception import MaskError, RunLengthMask
+from atw_mcp.perception.masks import MaskError, RunLengthMask
 
 
 def blocks() -> np.ndarray:

@@ -9,7 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from atw_mcp.perception import ImageObservation, ObservationError, PerceptionCancelled, observe
+from atw_mcp.perception.observation import ImageObservation, ObservationError
+from atw_mcp.perception.observe import observe
+from atw_mcp.perception.video import PerceptionCancelled
 from tests.atw_mcp.perception.clips import Clip, Disc, overlap, plain, render, textured
 
 RED, BLUE, GREEN = (40, 40, 170), (170, 70, 40), (50, 130, 40)

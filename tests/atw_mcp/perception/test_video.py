@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from atw_mcp.perception import VideoError, observe, probe, read_frames
+from atw_mcp.perception.observe import observe
+from atw_mcp.perception.video import VideoError, probe, read_frames
 from tests.atw_mcp.perception.clips import HEIGHT, WIDTH, Clip, Disc, render
 
 

@@ -10,17 +10,13 @@ import cv2
 import numpy as np
 import pytest
 
-from atw_mcp.perception import (
-    ImageObservation,
-    ObservationError,
-    calibrate_from_known_length,
-    estimate_sizes,
-    import_camera,
-    import_tracks,
-    observe,
-    world_tracks,
-)
+from atw_mcp.perception.calibration import calibrate_from_known_length
+from atw_mcp.perception.import_images import import_camera
+from atw_mcp.perception.import_tracks import import_tracks
+from atw_mcp.perception.observation import ImageObservation, ObservationError
+from atw_mcp.perception.observe import observe
 from atw_mcp.perception.silhouettes import Stage, outline_distance
+from atw_mcp.perception.tracks import estimate_sizes, world_tracks
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
