@@ -19,10 +19,8 @@ def test_configuration_is_printed_as_json_with_its_place_on_stderr(
     assert main(["config", client, "--allow", "clips", "--allow", "/data", "--store", "a.db"]) == 0
     out, err = capfd.readouterr()
     entry = json.loads(out)[FORMS[client].key][NAME]
-    assert entry["args"][2:] == ["serve", "--allow", str(Path.cwd() / "clips"), "--allow", "/data"] + [
-        "--store",
-        str(Path.cwd() / "a.db"),
-    ]
+    clips, store = str(Path.cwd() / "clips"), str(Path.cwd() / "a.db")
+    assert entry["args"][2:] == ["serve", "--allow", clips, "--allow", "/data", "--store", store]
     assert FORMS[client].place in err
 
 

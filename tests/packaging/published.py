@@ -1,4 +1,4 @@
-"""The `.mcpb` bundle for desktop clients and the `server.json` of the MCP registry, from `pyproject.toml` and manifest."""
+"""The `.mcpb` bundle for desktop clients and the `server.json` of the MCP registry."""
 
 from __future__ import annotations
 
@@ -60,10 +60,7 @@ def bundle_manifest() -> dict[str, Any]:
                 "env": {"ATW_MCP_ALLOW": "${user_config.folder}"},
             },
         },
-        "tools": [
-            {"name": entry["name"], "description": entry["description"].split(". ")[0].rstrip(".")}
-            for entry in manifest.entries()
-        ],
+        "tools": [{"name": entry["name"], "description": entry["title"]} for entry in manifest.entries()],
         "prompts_generated": True,
         "compatibility": {
             "platforms": ["darwin", "linux", "win32"],

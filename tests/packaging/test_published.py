@@ -31,6 +31,10 @@ def test_bundle_holds_what_starting_the_server_takes(tmp_path: Path) -> None:
     assert json.loads(described.read_text())["packages"][0]["version"] == manifest["version"]
 
 
+def test_readme_states_the_name_by_which_the_registry_knows_the_package() -> None:
+    assert f"<!-- mcp-name: {server_json()['name']} -->" in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
 def test_bundle_is_valid_by_the_official_tool(tmp_path: Path) -> None:
     if shutil.which("npx") is None:
         pytest.skip("Node.js is not installed: the bundle was not validated by @anthropic-ai/mcpb")

@@ -1,4 +1,4 @@
-"""One JSON file a tool under `contracts/`: what a client sees of it. Regenerated, with the manifest, by
+"""One JSON file a tool under `contracts/`: what a client sees of it. Regenerated, as are manifest and README table, by
 
     uv run python -m tests.atw_mcp.tools.contract_snapshots
 
@@ -17,6 +17,7 @@ from mcp import Client
 
 from atw_mcp.server import build_server
 from atw_mcp.tools import manifest
+from tests.atw_mcp.tools import readme_table
 
 FOLDER = Path(__file__).parent / "contracts"
 
@@ -34,8 +35,9 @@ def served_contracts() -> dict[str, dict[str, Any]]:
 
 
 def write() -> None:
-    """Replace the manifest of the tools and every snapshot."""
+    """Replace the manifest of the tools, their table in the README, and every snapshot."""
     manifest.write()
+    readme_table.write()
     FOLDER.mkdir(exist_ok=True)
     for old in FOLDER.glob("*.json"):
         old.unlink()
