@@ -47,6 +47,7 @@ from mcp_types import CallToolResult, InputRequiredResult
 from atw_mcp.calls import resources
 from atw_mcp.calls.app import App
 from atw_mcp.calls.deferred import DeferredTool
+from atw_mcp.calls.error_text import bounded_errors
 from atw_mcp.calls.files import allowed_folders
 from atw_mcp.calls.prompting import PromptServer, add_prompts
 from atw_mcp.calls.toolbox import ToolGroup, WorldTool
@@ -109,6 +110,7 @@ def build_server(store: Path | None = None, *, allow: Iterable[Path] = ()) -> MC
         version=installed_version(),
         tools=list[Tool](app.tools),
         lifespan=lifespan,
+        middleware=[bounded_errors],
         log_level="WARNING",
     )
     resources.register(server, app)

@@ -9,6 +9,7 @@ from typing import Any, get_args
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import BaseModel, ValidationError
 
+from atw_mcp.calls.error_text import LIMITS, and_more, short_repr, without_middle
 from atw_mcp.calls.results import validation_text
 from atw_mcp.calls.spelling import did_you_mean
 
@@ -20,18 +21,20 @@ def tagged(given: Any, union: Any, tag: str, *, what: str, example: Mapping[str,
     """
     shown = f"for example {json.dumps(example)}"
     if not isinstance(given, Mapping):
-        raise ToolError(f"{what} is written as an object, {shown}; got {given!r}")
+        raise ToolError(f"{what} is written as an object, {shown}; got {short_repr(given)}")
     forms = _forms(union, tag)
     kind = given.get(tag)
     if kind is None:
         raise ToolError(f"{what} needs {tag!r}, one of {', '.join(forms)}; {shown}")
-    if kind not in forms:
-        raise ToolError(f"{what}: no {tag} {kind!r}{did_you_mean(str(kind), forms)}; there are {', '.join(forms)}")
+    if not isinstance(kind, str) or kind not in forms:
+        near = did_you_mean(kind, forms) if isinstance(kind, str) else ""
+        raise ToolError(f"{what}: no {tag} {short_repr(kind)}{near}; there are {', '.join(forms)}")
     fields = {name: field for name, field in forms[kind].model_fields.items() if name != tag}
     takes = f"{kind} takes " + ", ".join(name if field.is_required() else f"[{name}]" for name, field in fields.items())
     unknown = [str(name) for name in given if name != tag and name not in fields]
     if unknown:
-        raise ToolError(f"{what}: {takes}; not {', '.join(unknown)}")
+        named = ", ".join(without_middle(name, LIMITS.quoted) for name in unknown[: LIMITS.findings])
+        raise ToolError(f"{what}: {takes}; not {named}{and_more(len(unknown) - LIMITS.findings)}")
     missing = [name for name, field in fields.items() if field.is_required() and name not in given]
     if missing:
         raise ToolError(f"{what}: {takes}; {', '.join(missing)} is missing")

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 from mcp.server.mcpserver.exceptions import ToolError
 
+from atw_mcp.calls.error_text import shortened
 from atw_mcp.calls.results import Answer
 from evidence_store import Evidence, EvidenceStore, StoreError
 
@@ -165,6 +166,8 @@ class JobRunner:
             self._running.pop(record.id, None)
 
     def _close(self, record: Evidence) -> None:
+        if record.status == "failed":
+            record = replace(record, summary=shortened(record.summary))
         with self._store.transaction():
             if self._store.evidence.get(record.id).status in ("running", "failed"):
                 self._store.evidence.update(record)

@@ -52,9 +52,11 @@ def with_own_names(
     changed = dict(item)
     for field in NAME_FIELDS:
         name = item.get(field)
+        if not isinstance(name, str):
+            continue  # reading the form refuses it
         if item.get("action") == "remove" and name in parts and (name not in known or item.get("part") is not None):
             continue
-        if isinstance(name, str) and name not in added:
+        if name not in added:
             changed[field] = _meant(app, case, name, known) or _of_another_world(app, case, name)
             if changed[field] is None:
                 removable = sorted(parts) if item.get("action") == "remove" else []

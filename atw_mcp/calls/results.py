@@ -15,6 +15,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from mcp_types import CallToolResult, ContentBlock, ImageContent, ResourceLink, TextContent
 from pydantic import ValidationError
 
+from atw_mcp.calls.error_text import LIMITS, and_more, short_repr, without_middle
 from evidence_store import Evidence, Status, StoreError, to_json
 
 ROOM = 40_000  # characters of JSON an agent is shown at once: about 15k tokens, below the 25k that clients cut at
@@ -212,21 +213,17 @@ def damage_note(damaged: list[str]) -> str:
 
 
 def validation_text(error: ValidationError) -> str:
-    """pydantic's findings, one clause each: where, what, and the value that was given."""
+    """pydantic's findings, one clause each: where, what, and the value that was given; the first few and a count."""
     clauses = []
-    for found in error.errors(include_url=False):
-        where = ".".join(str(part) for part in found["loc"])
-        given = "" if found["type"] in ("missing", "extra_forbidden") else f" (got {_short(found['input'])})"
+    findings = error.errors(include_url=False, include_context=False)
+    for found in findings[: LIMITS.findings]:
+        where = without_middle(".".join(str(part) for part in found["loc"]), LIMITS.place)
+        given = "" if found["type"] in ("missing", "extra_forbidden") else f" (got {short_repr(found['input'])})"
         message = {"missing": "is required", "extra_forbidden": "is not known"}.get(
             found["type"], found["msg"].removeprefix("Value error, ")
         )
         clauses.append(f"{where}: {message}{given}" if where else f"{message}")
-    return "; ".join(clauses)
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."
+    return "; ".join(clauses) + and_more(len(findings) - len(clauses))
 
 
 def _sentence(text: str, next_step: str) -> str:
