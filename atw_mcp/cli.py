@@ -77,6 +77,19 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument(
         "--legacy-only", action="store_true", help="only protocol revisions up to 2025-11-25, for clients that mix eras"
     )
+    serve.add_argument(
+        "--token-file",
+        type=Path,
+        metavar="FILE",
+        help="bearer tokens of --http, a line each: TOKEN or NAME TOKEN (or one token in ATW_MCP_TOKEN); "
+        "needed where --host is not loopback",
+    )
+    serve.add_argument(
+        "--allow-host", action="append", default=[], metavar="HOST", help="a name under which --http is reached"
+    )
+    serve.add_argument(
+        "--allow-origin", action="append", default=[], metavar="ORIGIN", help="pages that may call --http, https://..."
+    )
     _add_store(serve)
     add_allow(serve)
     serve.set_defaults(command=_serve)
@@ -168,23 +181,22 @@ class _ShowVersion(argparse.Action):
 
 
 def _serve(options: argparse.Namespace) -> int:
-    from atw_mcp.server import build_server
-    from atw_mcp.serving import serve_http, serve_stdio
+    from atw_mcp.server import build_server, default_store
+    from atw_mcp.serving import serve_stdio
     from evidence_store import StoreError
 
+    if options.http:
+        from atw_mcp.transports.command import serve_http
+
+        return serve_http(options, build_server, options.store or default_store())
     try:
         server = build_server(options.store, allow=options.allow)
     except StoreError as error:
         print(f"atw-mcp: {error}", file=sys.stderr)
         return FAILED
-    if options.http:
-        print(f"serving at http://{options.host}:{options.port}/mcp", file=sys.stderr)
-        serve_http(server, host=options.host, port=options.port, legacy_only=options.legacy_only)
-    else:
-        if sys.stdin.isatty():
-            print("waiting for an MCP client on stdin; atw-mcp --help lists the other commands", file=sys.stderr)
-        return serve_stdio(server, legacy_only=options.legacy_only)
-    return OK
+    if sys.stdin.isatty():
+        print("waiting for an MCP client on stdin; atw-mcp --help lists the other commands", file=sys.stderr)
+    return serve_stdio(server, legacy_only=options.legacy_only)
 
 
 def _tools(options: argparse.Namespace) -> int:

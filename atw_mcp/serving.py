@@ -1,23 +1,21 @@
-"""Serving over stdio and over streamable HTTP, in both protocol eras or only in the older one."""
+"""Serving over stdio, and one server over streamable HTTP, in both protocol eras or only in the older one."""
 
 from __future__ import annotations
 
 import asyncio
-import json
 from typing import Any
 
 import anyio
 from mcp.server import MCPServer
 from mcp.server.runner import serve_dual_era_loop, serve_loop
-from mcp_types import UNSUPPORTED_PROTOCOL_VERSION
 from mcp_types.version import HANDSHAKE_PROTOCOL_VERSIONS
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from atw_mcp.calls.app import App
 from atw_mcp.transports.ending import ending_in_order
+from atw_mcp.transports.guard import Guard
 from atw_mcp.transports.lines import stdio_streams
-
-PATH = "/mcp"
+from atw_mcp.transports.stores import PATH, unsupported
 
 
 def serve_stdio(server: MCPServer[App], *, legacy_only: bool = False) -> int:
@@ -44,45 +42,24 @@ async def _serve_stdio(server: MCPServer[App], legacy_only: bool) -> int:
     return ending.exit_code
 
 
-def serve_http(server: MCPServer[App], *, host: str = "127.0.0.1", port: int = 8000, legacy_only: bool = False) -> None:
-    """Serve many clients at http://host:port/mcp until interrupted.
+def http_app(server: MCPServer[App], *, legacy_only: bool = False) -> ASGIApp:
+    """Return the ASGI application of one server, whose store all clients at /mcp share; for tests and embedding.
 
-    The default host is loopback: whoever can reach the port can read files that this process can read.
+    `atw-mcp serve --http` gives clients stores of their own: see `atw_mcp.transports.stores`.
     """
-    import uvicorn  # only this transport needs it
-
-    app = http_app(server, host=host, legacy_only=legacy_only)
-    uvicorn.run(app, host=host, port=port, log_level="warning")
-
-
-def http_app(server: MCPServer[App], *, host: str = "127.0.0.1", legacy_only: bool = False) -> ASGIApp:
-    """The ASGI application behind `serve_http`. On loopback, requests with a foreign Host header are refused."""
-    app = server.streamable_http_app(streamable_http_path=PATH, host=host)
-    return HandshakeOnly(app) if legacy_only else app
+    app = server.streamable_http_app(streamable_http_path=PATH)
+    return Guard(HandshakeOnly(app) if legacy_only else app)
 
 
 class HandshakeOnly:
-    """Answers requests of the newer era with the versions that are served, so that clients fall back."""
+    """Refuses requests of the newer era with the versions that are served, so that clients fall back."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one ASGI connection."""
-        headers = dict(scope.get("headers", ()))
-        asked = headers.get(b"mcp-protocol-version", b"").decode("latin-1")
-        if scope["type"] != "http" or not asked or asked in HANDSHAKE_PROTOCOL_VERSIONS:
-            await self._app(scope, receive, send)
-            return
-        body: dict[str, Any] = {
-            "jsonrpc": "2.0",
-            "id": None,
-            "error": {
-                "code": UNSUPPORTED_PROTOCOL_VERSION,
-                "message": f"this server was started with --legacy-only and does not speak {asked}",
-                "data": {"supported": list(HANDSHAKE_PROTOCOL_VERSIONS), "requested": asked},
-            },
-        }
-        start = {"type": "http.response.start", "status": 400, "headers": [(b"content-type", b"application/json")]}
-        await send(start)
-        await send({"type": "http.response.body", "body": json.dumps(body).encode()})
+        asked = dict(scope.get("headers", ())).get(b"mcp-protocol-version", b"").decode("latin-1")
+        if scope["type"] == "http" and asked and asked not in HANDSHAKE_PROTOCOL_VERSIONS:
+            raise unsupported(f"this server was started with --legacy-only and does not speak {asked}", asked)
+        await self._app(scope, receive, send)

@@ -108,6 +108,11 @@ class JobRunner:
         """Return the job of an evidence record; without progress where this process does not work on it."""
         return self._running.get(evidence) or RunningJob(evidence, None, threading.Event())
 
+    @property
+    def busy(self) -> bool:
+        """Whether this process works on anything."""
+        return bool(self._running)
+
     def wait_for(self, evidence: str, seconds: float) -> Evidence:
         """The record once its work has ended, or as it is after `seconds`. Blocks: for threads of work only."""
         deadline = time.monotonic() + seconds

@@ -17,4 +17,30 @@ class WireLimits:
     shutdown_seconds: float = 3.5
 
 
+@dataclass(frozen=True)
+class HttpLimits:
+    """Limits of HTTP in addition to those of `WireLimits`; counts are of the whole server, times in seconds."""
+
+    # More than the calls that may wait for evidence at once, so that these leave room for others.
+    requests: int = 320
+    # Requests whose body has not arrived: it takes milliseconds, so more than this many are stalled ones.
+    bodies: int = 32
+    body_seconds: float = 10.0  # 8 MiB over a slow line of 7 Mbit/s
+    # Streams of notifications: each session of the handshake era holds one open.
+    streams: int = 256
+    # Open sockets, also idle ones: requests and streams, and as many again that are about to send or to close.
+    connections: int = 1024
+    header_seconds: float = 10.0  # from the first byte to the end of the headers
+    header_bytes: int = 32 * 1024  # the largest header is a bearer token, of some kB
+    keep_alive_seconds: int = 15  # an idle connection costs a socket; opening it again costs a millisecond
+    retry_after_seconds: int = 2
+    # Each open store costs some 10 descriptors and a server of its own.
+    stores: int = 64
+    session_seconds: float = 30 * 60.0  # without a request, then a session ends; its store keeps its cases
+    # Requests may end in the first second, work in three more; the rest is the interpreter's own end.
+    graceful_seconds: int = 1
+    shutdown_seconds: float = 6.0
+
+
 LIMITS = WireLimits()
+HTTP_LIMITS = HttpLimits()
