@@ -84,6 +84,10 @@ def _parser() -> argparse.ArgumentParser:
         help="bearer tokens of --http, a line each: TOKEN or NAME TOKEN (or one token in ATW_MCP_TOKEN); "
         "needed where --host is not loopback",
     )
+    serve.add_argument("--oauth-issuer", metavar="URL", help="authorization server whose access tokens --http takes")
+    serve.add_argument(
+        "--oauth-audience", metavar="URL", help="this server's public https://.../mcp, for which they are issued"
+    )
     serve.add_argument(
         "--allow-host", action="append", default=[], metavar="HOST", help="a name under which --http is reached"
     )

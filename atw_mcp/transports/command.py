@@ -7,8 +7,12 @@ import socket
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
 
 from mcp.server import MCPServer
+from mcp.server.auth.provider import TokenVerifier
+from starlette.routing import Route
 
 from atw_mcp.calls.app import App
 from atw_mcp.transports.guard import Guard, is_loopback
@@ -25,14 +29,28 @@ def serve_http(options: argparse.Namespace, build: Callable[[Path], MCPServer[Ap
 
     build: makes the server of a store's file. store: the main store; those of clients are in a folder beside it.
     """
+    issuer, audience = options.oauth_issuer, options.oauth_audience
+    more: dict[str, Any] = {}
+    routes: list[Route] = []
+    hosts = [*options.allow_host, *([] if _is_any(options.host) else [options.host])]
+    tokens: TokenVerifier | None
     try:
         tokens = read_tokens(options.token_file)
+        if issuer or audience:
+            if tokens is not None or not (issuer and audience):
+                raise TokenError("--oauth-issuer and --oauth-audience go together, without other tokens")
+            from atw_mcp.transports import oauth  # cryptography, which only this mode needs
+
+            tokens = oauth.JwtVerifier(issuer, audience)
+            routes = oauth.metadata_routes(issuer, audience)
+            hosts.append(str(urlsplit(audience).hostname))
+            more = {"challenge": oauth.challenge(audience), "open_paths": tuple(route.path for route in routes)}
     except TokenError as error:
         return _refused(str(error), USAGE)
     if tokens is None and not is_loopback(options.host):
         return _refused(
-            f"{options.host} can be reached from other machines: give the clients tokens with --token-file FILE or "
-            f"the environment variable {VARIABLE}, or listen on 127.0.0.1",
+            f"{options.host} can be reached from other machines: give the clients tokens with --token-file FILE, "
+            f"the environment variable {VARIABLE} or --oauth-issuer, or listen on 127.0.0.1",
             USAGE,
         )
     files = StoreFiles(store)
@@ -43,8 +61,7 @@ def serve_http(options: argparse.Namespace, build: Callable[[Path], MCPServer[Ap
     except StoreError as error:
         return _refused(str(error), FAILED)
     router = StoreRouter(build, files, legacy_only=options.legacy_only)
-    hosts = [*options.allow_host, *([] if _is_any(options.host) else [options.host])]
-    guarded = Guard(router.application(), hosts=hosts, origins=options.allow_origin, verifier=tokens)
+    guarded = Guard(router.application(*routes), hosts=hosts, origins=options.allow_origin, verifier=tokens, **more)
     try:
         listening = _listen(options.host, options.port)
     except OSError as error:

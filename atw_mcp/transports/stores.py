@@ -68,6 +68,7 @@ class StoreFiles:
 @dataclass
 class _OpenStore:
     manager: StreamableHTTPSessionManager
+    of_session: bool
     app: App | None = None
     requests: int = 0
     used: float = field(default_factory=time.monotonic)
@@ -174,7 +175,7 @@ class StoreRouter:
                 session_idle_timeout=self._limits.session_seconds,
                 max_sessions=self._limits.streams,
             )
-            store = _OpenStore(manager)
+            store = _OpenStore(manager, of_session=bool(note))
             assert self._tasks is not None
             await self._tasks.start(self._run, path, store)
             self._open[path] = store
@@ -192,7 +193,7 @@ class StoreRouter:
             self._sessions = {session: of for session, of in self._sessions.items() if of != path}
             if store.app is not None:
                 with anyio.CancelScope(shield=True):
-                    await anyio.to_thread.run_sync(store.app.close)
+                    await anyio.to_thread.run_sync(_close, store.app, store.of_session)
 
     def _later(self, reason: str) -> Refused:
         return Refused(503, reason, headers={"retry-after": str(self._limits.retry_after_seconds)})
@@ -220,6 +221,14 @@ class StoreRouter:
         for store in list(self._open.values()):
             if store.app is not None:
                 store.app.close()
+
+
+def _close(app: App, of_session: bool) -> None:
+    # Every client that connects once and asks nothing would leave a file behind.
+    empty = of_session and not app.store.cases.all()
+    app.close()
+    if empty:
+        app.store.path.unlink(missing_ok=True)
 
 
 def unsupported(reason: str, asked: str | None) -> Refused:

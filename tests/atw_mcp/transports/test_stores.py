@@ -15,9 +15,11 @@ import pytest
 from mcp import Client
 from mcp.client.streamable_http import streamable_http_client
 
+from atw_mcp import server
 from atw_mcp.transports.limits import HTTP_LIMITS
 from atw_mcp.transports.tokens import Tokens
 from evidence_store import EvidenceStore
+from tests.atw_mcp import stdio_process
 from tests.atw_mcp.transports.serving import initialize, served
 
 ANNA, BEN = "a" * 32, "b" * 32
@@ -99,6 +101,24 @@ def test_each_token_has_its_own_cases_across_connections(tmp_path: Path, data: s
 
     with served(tmp_path / "atw.db", tokens=Tokens({ANNA: "anna", BEN: "ben"})) as (url, _):
         anyio.run(session, url)
+
+
+def test_a_server_that_ends_records_the_work_it_stops_and_closes_every_store(
+    tmp_path: Path, data: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "GROUPS", (*server.GROUPS, stdio_process.SLOW))
+
+    async def session(url: str) -> None:
+        async with connect(url, "legacy"), connect(f"{url}/lab", "legacy") as client:
+            await opened(client, data, "ours")
+            call = {"case": "ours", "seconds": 60, "patience_seconds": 0.1}
+            assert not (await client.call_tool("WorkSlowly", call)).is_error
+
+    with served(tmp_path / "atw.db") as (url, _):
+        anyio.run(session, url)
+    files = sorted(path.name for path in (tmp_path / "atw.stores").rglob("*") if path.is_file())
+    assert files == ["lab.db"]  # the session that held no case leaves nothing
+    assert EvidenceStore(tmp_path / "atw.stores" / "named" / "lab.db").evidence.get("ev-2").status == "cancelled"
 
 
 def test_a_session_is_used_by_the_client_that_opened_it_only(tmp_path: Path) -> None:
