@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,8 @@ from mcp.server import MCPServer
 from atw_mcp import server
 from atw_mcp.calls.app import App
 from atw_mcp.calls.waiting import WaitingCalls
-from evidence_store import EvidenceStore
+from evidence_store import EvidenceStore, StoreError
+from evidence_store.connection import Connection
 from tests.atw_mcp import stdio_process
 from tests.atw_mcp.connections import REPOSITORY, connection
 
@@ -141,6 +144,26 @@ def test_more_waiting_calls_than_allowed_are_refused_and_may_read_at_once(store:
             waiting.cancel_scope.cancel()
 
     anyio.run(session)
+
+
+def test_a_disk_that_is_full_at_the_end_is_reported_in_a_sentence(
+    store: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    @contextmanager
+    def full(_: Connection) -> Iterator[None]:
+        raise StoreError("the disk is full")
+        yield
+
+    async def session() -> None:
+        async with Client(server.build_server(store)) as client:
+            call = {"case": "c", "seconds": 60, "patience_seconds": 0.1}
+            assert body(await client.call_tool("WorkSlowly", call))["status"] == "running"
+            monkeypatch.setattr(Connection, "write", full)
+
+    with caplog.at_level("WARNING"):
+        anyio.run(session)
+    assert "could not be stored: the disk is full" in caplog.text
+    assert "Traceback" not in caplog.text
 
 
 async def _app_of(served: MCPServer[App]) -> App:
