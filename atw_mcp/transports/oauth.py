@@ -8,6 +8,7 @@ import urllib.request
 from typing import Any
 from urllib.parse import urlsplit
 
+import anyio
 import anyio.to_thread
 import jwt
 from mcp.server.auth.provider import AccessToken
@@ -40,12 +41,14 @@ class JwtVerifier:
                 raise TokenError(f"{url} must be an https:// URL (http:// on loopback only)")
         self._issuer = issuer
         self._audience = audience
-        self._keys = jwt.PyJWKClient(_keys_of(issuer), cache_keys=True, timeout=FETCH_SECONDS)
+        self._keys = jwt.PyJWKClient(_keys_of(issuer), timeout=FETCH_SECONDS)
+        # Threads of their own: tokens with unknown keys, which anyone can send, must not hold up the tools.
+        self._threads = anyio.CapacityLimiter(2)
 
     async def verify_token(self, token: str) -> AccessToken | None:
         """Return whose token it is, or None for one that is not valid here and now."""
         try:
-            claims = await anyio.to_thread.run_sync(self._claims, token)
+            claims = await anyio.to_thread.run_sync(self._claims, token, limiter=self._threads)
         except jwt.PyJWTError as error:
             logger.info("an access token was refused: %s", type(error).__name__)
             return None
