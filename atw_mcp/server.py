@@ -44,12 +44,13 @@ from mcp.server.mcpserver.exceptions import ToolError
 from mcp.server.mcpserver.tools import Tool
 from mcp_types import CallToolResult, InputRequiredResult
 
-from atw_mcp.calls import resources
+from atw_mcp.calls import resources, watching
 from atw_mcp.calls.app import App
 from atw_mcp.calls.deferred import DeferredTool
 from atw_mcp.calls.error_text import bounded_errors
 from atw_mcp.calls.files import allowed_folders
 from atw_mcp.calls.prompting import PromptServer, add_prompts
+from atw_mcp.calls.tasks import TasksExtension
 from atw_mcp.calls.toolbox import ToolGroup, WorldTool
 from atw_mcp.tools import manifest
 from atw_mcp.version import installed_version
@@ -98,7 +99,8 @@ def build_server(store: Path | None = None, *, allow: Iterable[Path] = ()) -> MC
     @asynccontextmanager
     async def lifespan(_: MCPServer[App]) -> AsyncIterator[App]:
         try:
-            yield app
+            async with app.watch.running():
+                yield app
         finally:
             with anyio.CancelScope(shield=True):
                 await anyio.to_thread.run_sync(app.stop_work)
@@ -109,11 +111,13 @@ def build_server(store: Path | None = None, *, allow: Iterable[Path] = ()) -> MC
         instructions=INSTRUCTIONS,
         version=installed_version(),
         tools=list[Tool](app.tools),
+        extensions=[TasksExtension(app)],
         lifespan=lifespan,
         middleware=[bounded_errors],
         log_level="WARNING",
     )
     resources.register(server, app)
+    watching.register(server, app)
     add_prompts(server)
     return server
 

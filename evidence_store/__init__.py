@@ -23,6 +23,7 @@ from evidence_store.errors import (
 from evidence_store.evidence import Evidence, EvidencePage, Status
 from evidence_store.jobs import Job
 from evidence_store.store import EvidenceStore
+from evidence_store.tasks import Task
 from evidence_store.worlds import Descent
 
 __all__ = [
@@ -47,6 +48,7 @@ __all__ = [
     "StoreLocked",
     "StoreReadOnly",
     "StoreTooNew",
+    "Task",
     "UnknownRecord",
     "content_id",
     "to_json",

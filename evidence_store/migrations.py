@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from evidence_store.checksums import COLUMNS, PARTS, stamped
+from evidence_store.schema import TASKS
 
 JSON_COLUMNS = ("facts", "inputs", "document", "detail", "arguments", "objects", "interval", "payload", "evidence")
 PACKED_COLUMNS = ("arrays", "attachments")
@@ -23,6 +24,7 @@ def migrate(connection: sqlite3.Connection, version: int, target: int) -> None:
 
 def _add_checksums(connection: sqlite3.Connection) -> None:
     """Version 1 to 2. A record that cannot be read gets no valid checksum, so that it counts as damaged."""
+    connection.execute(TASKS)
     for column in PARTS.values():
         connection.execute(f"ALTER TABLE evidence ADD COLUMN {column} TEXT NOT NULL DEFAULT ''")
     for table in COLUMNS:

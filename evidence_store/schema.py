@@ -2,8 +2,8 @@
 
 Records addressed by content (worlds, observations, rollouts, fits) carry no time. Order of creation is
 the `seq` of the relations that tie them to a case; wall-clock times appear only in `jobs`, where they show
-which worker is still alive. Every record has a checksum (`evidence_store.checksums`); jobs, which change every second
-and say nothing about the world, have none.
+which worker is still alive. Every record has a checksum (`evidence_store.checksums`); jobs and tasks, which
+say nothing about the world, have none.
 
 A change of the tables needs a higher VERSION and a step in `evidence_store.migrations`.
 """
@@ -11,7 +11,18 @@ A change of the tables needs a higher VERSION and a step in `evidence_store.migr
 APPLICATION_ID = 0x41545731  # "ATW1"
 VERSION = 2
 
-TABLES = """
+TASKS = """
+CREATE TABLE tasks (
+    evidence_seq INTEGER PRIMARY KEY REFERENCES evidence(seq) ON DELETE CASCADE,
+    secret TEXT NOT NULL,
+    created REAL NOT NULL,             -- Unix time [s]
+    ended REAL,                        -- Unix time [s]
+    error TEXT                         -- JSON: code, message; NULL where the tool itself answered
+);
+"""
+
+TABLES = (
+    """
 CREATE TABLE cases (
     id TEXT PRIMARY KEY,
     content TEXT NOT NULL,             -- hash of the video or data file
@@ -133,3 +144,5 @@ CREATE TABLE jobs (
     cancel_requested INTEGER NOT NULL DEFAULT 0
 );
 """
+    + TASKS
+)

@@ -13,6 +13,7 @@ from evidence_store.content import ContentTable
 from evidence_store.errors import StoreFull, StoreReadOnly
 from evidence_store.evidence import Evidence, EvidenceTable
 from evidence_store.jobs import Jobs
+from evidence_store.tasks import Tasks
 from evidence_store.worlds import Worlds
 
 
@@ -32,6 +33,7 @@ class EvidenceStore:
         self.fits = ContentTable(self.connection, "fits", "fit")
         self.evidence = EvidenceTable(self.connection)
         self.jobs = Jobs(self.connection)
+        self.tasks = Tasks(self.connection)
 
     @contextmanager
     def transaction(self) -> Iterator[None]:

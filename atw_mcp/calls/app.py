@@ -18,6 +18,7 @@ from atw_mcp.calls.jobs import JobRunner
 from atw_mcp.calls.limits import Limits
 from atw_mcp.calls.results import to_result
 from atw_mcp.calls.waiting import WaitingCalls
+from atw_mcp.calls.watching import EvidenceWatch
 from evidence_store import Case, EvidenceStore, StoreError, UnknownRecord
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ class App:
         self.files = AllowedFiles(allow, self.limits, own=[self.derived_files])
         self.jobs = JobRunner(self.store)
         self.waiting = WaitingCalls()
+        self.watch = EvidenceWatch(self.store)
         self.tools: list[Any] = []  # the WorldTools served, for DescribeTool; set by build_server
 
     # --- the end ---

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from mcp.server.mcpserver.exceptions import ToolError
+from mcp.shared.exceptions import MCPError
+from mcp_types import INTERNAL_ERROR
 
 from atw_mcp.calls.error_text import shortened
 from atw_mcp.calls.results import Answer
@@ -67,11 +69,16 @@ class LongWork:
 
 @dataclass
 class RunningJob:
-    """A piece of work of this process, or (progress None) one that another process does."""
+    """A piece of work of this process, or (progress None) one that another process does.
+
+    callers: how many calls wait for it. held: whether a task was made of it, which outlives every call.
+    """
 
     evidence: str
     progress: Progress | None
-    ended: threading.Event
+    ended: threading.Event = field(default_factory=threading.Event)
+    callers: int = 0
+    held: bool = False
 
 
 class JobRunner:
@@ -81,6 +88,7 @@ class JobRunner:
         self._store = store
         self._running: dict[str, RunningJob] = {}
         self._guard = threading.Lock()
+        self._stopping = False
 
     def start(self, tool: str, arguments: dict[str, object], work: LongWork) -> RunningJob:
         """Begin the work, or join it where a living process already does it."""
@@ -123,8 +131,9 @@ class JobRunner:
             time.sleep(0.05)
 
     def shutdown(self, wait: float = 3.0) -> None:
-        """Cancel everything this process works on; what does not stop in time is marked failed."""
+        """Stop everything this process works on and mark it failed."""
         deadline = time.monotonic() + wait
+        self._stopping = True
         jobs = list(self._running.values())
         for job in jobs:
             if job.progress is not None:
@@ -132,36 +141,40 @@ class JobRunner:
         for job in jobs:
             if not job.ended.wait(max(0.0, deadline - time.monotonic())):
                 try:
-                    record = self._store.evidence.get(job.evidence)
-                    again = f"call {record.tool} again with the same arguments"
-                    summary = f"the server stopped before this was done; {again}"
-                    self._close(replace(record, status="failed", summary=summary))
+                    record = self._interrupted(self._store.evidence.get(job.evidence))
+                    self._close(record, _no_answer(record.summary))
                 except StoreError as error:  # whoever reads the record next finds that its process has ended
                     logger.warning("%s could not be marked failed: %s", job.evidence, error)
 
     def _run(self, record: Evidence, job: RunningJob, work: LongWork) -> None:
         progress = job.progress
         assert progress is not None
+        unanswered: dict[str, object] | None = None
         try:
             answer = work.work(progress)
             done = answer.to_evidence(record.tool, record.arguments)
             ended = replace(done, id=record.id, case=record.case)
         except Cancelled:
-            ended = replace(record, status="cancelled", summary=f"cancelled at {_how_far(progress)}")
+            ended = self._halted(record, progress)
+        except MCPError as error:
+            ended = replace(record, status="failed", summary=error.message)
+            unanswered = _no_answer(error.message, error.code)
         except ToolError as error:
             ended = replace(record, status="failed", summary=str(error))
         except StoreError as error:
             ended = replace(record, status="failed", summary=str(error))
         except Exception as error:
             if progress.cancelled():  # libraries have their own exceptions for being asked to stop
-                ended = replace(record, status="cancelled", summary=f"cancelled at {_how_far(progress)}")
+                ended = self._halted(record, progress)
             else:
                 logger.exception("%s failed", record.tool)
                 kind = type(error).__name__
                 summary = f"{record.tool} failed unexpectedly ({kind}); the server's log has the details"
                 ended = replace(record, status="failed", summary=summary)
+        if self._stopping and ended.status == "failed" and unanswered is None:
+            unanswered = _no_answer(ended.summary)
         try:
-            self._close(ended)
+            self._close(ended, unanswered)
         except StoreError as error:
             logger.error("the result of %s (%s) could not be stored: %s", record.tool, record.id, error)
         except Exception:
@@ -170,10 +183,21 @@ class JobRunner:
             job.ended.set()
             self._running.pop(record.id, None)
 
-    def _close(self, record: Evidence) -> None:
+    def _halted(self, record: Evidence, progress: Progress) -> Evidence:
+        if self._stopping:
+            return self._interrupted(record)
+        return replace(record, status="cancelled", summary=f"cancelled at {_how_far(progress)}")
+
+    @staticmethod
+    def _interrupted(record: Evidence) -> Evidence:
+        summary = f"the server stopped before this was done; call {record.tool} again with the same arguments"
+        return replace(record, status="failed", summary=summary)
+
+    def _close(self, record: Evidence, unanswered: dict[str, object] | None) -> None:
         if record.status == "failed":
             record = replace(record, summary=shortened(record.summary))
         with self._store.transaction():
+            self._store.tasks.end(record.id, unanswered)
             if self._store.evidence.get(record.id).status in ("running", "failed"):
                 self._store.evidence.update(record)
             self._store.jobs.finish(record.id)
@@ -193,6 +217,11 @@ class JobRunner:
                 continue
             if seen is not None and seen.cancel_requested:
                 progress.cancel()
+
+
+def _no_answer(message: str, code: int = INTERNAL_ERROR) -> dict[str, object]:
+    """Return the JSON-RPC error of work that ended without an answer of its tool."""
+    return {"code": code, "message": message}
 
 
 def _how_far(progress: Progress) -> str:

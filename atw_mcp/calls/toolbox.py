@@ -21,7 +21,9 @@ from mcp.shared.exceptions import MCPError
 from mcp_types import CallToolResult, ToolAnnotations
 from pydantic import ValidationError
 
+from atw_mcp.calls import tasks
 from atw_mcp.calls.app import App
+from atw_mcp.calls.following import follow
 from atw_mcp.calls.jobs import LongWork, RunningJob
 from atw_mcp.calls.result_schemas import referenced_schema, report_mismatch, result_schema
 from atw_mcp.calls.results import Answer, to_result, validation_text
@@ -106,16 +108,25 @@ class WorldTool(Tool):
 
     async def _wait(
         self, app: App, arguments: dict[str, Any], work: LongWork, context: Context[App, Any]
-    ) -> CallToolResult:
-        job = await anyio.to_thread.run_sync(app.jobs.start, self.name, arguments, work)
+    ) -> CallToolResult | dict[str, Any]:
+        with anyio.CancelScope(shield=True):  # so that a cancelled call stops it below
+            job = await anyio.to_thread.run_sync(app.jobs.start, self.name, arguments, work)
+        as_task = tasks.offered(context.request_context)
+        job.callers += 1
         try:
-            with anyio.move_on_after(work.patience):
+            with anyio.move_on_after(min(work.patience, tasks.PROMPT) if as_task else work.patience):
                 await self._follow(app, job, context)
+            record = await anyio.to_thread.run_sync(app.store.read_evidence, job.evidence)
+            if as_task and record.status == "running":
+                job.held = True
+                return await anyio.to_thread.run_sync(tasks.create_task, app, record)
         except anyio.get_cancelled_exc_class():
-            with anyio.CancelScope(shield=True):  # the caller gave up on it: stop the work, keep the record
-                await anyio.to_thread.run_sync(app.jobs.cancel, job.evidence)
+            if job.callers == 1 and not job.held and job.progress is not None and _given_up(context):
+                with anyio.CancelScope(shield=True):  # nobody else wants it: stop the work, keep the record
+                    await anyio.to_thread.run_sync(app.jobs.cancel, job.evidence)
             raise
-        record = await anyio.to_thread.run_sync(app.store.read_evidence, job.evidence)
+        finally:
+            job.callers -= 1
         if record.status == "failed":
             raise ToolError(f"{record.summary} (evidence {record.id})")
         return await anyio.to_thread.run_sync(app.evidence_result, job.evidence)
@@ -126,17 +137,17 @@ class WorldTool(Tool):
         return await anyio.to_thread.run_sync(waiting.then)
 
     async def _follow(self, app: App, job: RunningJob, context: Context[App, Any]) -> None:
-        reported = -1.0
-        while not job.ended.is_set():
-            await anyio.sleep(0.05)
-            if job.progress is None:  # another process does it: look at the store
-                await anyio.sleep(0.5)
-                record = await anyio.to_thread.run_sync(app.store.read_evidence, job.evidence)
-                if record.status != "running":
-                    return
-            elif job.progress.done > reported:
-                reported = job.progress.done
-                await context.report_progress(reported, job.progress.total, job.progress.message)
+        await follow(app, job, context.report_progress)
+
+
+def _given_up(context: Context[App, Any]) -> bool:
+    """Whether a cancelled call was given up by its client, instead of ending with its connection.
+
+    On stdio and in sessions over HTTP a client gives up by a notification; without a session, closing the response
+    stream says the same.
+    """
+    channel = context.request_context.session._request_outbound  # the SDK has no public way to ask
+    return channel.transport.kind != "jsonrpc" or channel.cancel_requested.is_set()
 
 
 class ToolGroup:
