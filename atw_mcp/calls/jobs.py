@@ -15,7 +15,9 @@ from mcp_types import INTERNAL_ERROR
 from atw_mcp.calls.error_text import shortened
 from atw_mcp.calls.results import Answer
 from evidence_store import Evidence, EvidenceStore, StoreError
+from polyworld.core.interruption import Interrupted, Interruption
 
+GRACE = 0.3  # [s] for cancelled work to end by itself, with what it has; then it is interrupted where it is
 BEAT = 1.0  # [s] between signs of life; also how soon a cancellation from another process is seen
 logger = logging.getLogger(__name__)
 
@@ -31,6 +33,7 @@ class Progress:
     done: float = 0.0
     total: float | None = None
     message: str = ""
+    interruption: Interruption = field(default_factory=Interruption)
     _cancel: threading.Event = field(default_factory=threading.Event)
 
     def report(self, done: float, total: float | None = None, message: str = "") -> None:
@@ -48,8 +51,13 @@ class Progress:
         return self._cancel.is_set()
 
     def cancel(self) -> None:
-        """Ask the work to stop."""
+        """Ask the work to stop; what does not is interrupted after a moment."""
+        if self._cancel.is_set():
+            return
         self._cancel.set()
+        interrupt = threading.Timer(GRACE, self.interruption.request)
+        interrupt.daemon = True
+        interrupt.start()
 
 
 @dataclass(frozen=True)
@@ -151,10 +159,11 @@ class JobRunner:
         assert progress is not None
         unanswered: dict[str, object] | None = None
         try:
-            answer = work.work(progress)
+            with progress.interruption.active():
+                answer = work.work(progress)
             done = answer.to_evidence(record.tool, record.arguments)
             ended = replace(done, id=record.id, case=record.case)
-        except Cancelled:
+        except (Cancelled, Interrupted):
             ended = self._halted(record, progress)
         except MCPError as error:
             ended = replace(record, status="failed", summary=error.message)

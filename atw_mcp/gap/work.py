@@ -12,6 +12,7 @@ import numpy as np
 from atw_mcp.calls.jobs import Cancelled, Progress
 from atw_mcp.gap.unknowns import unknown_of
 from atw_mcp.gap.words import verdict_text, worth_text
+from polyworld.core import interruption
 from polyworld.data.recording import Recording
 from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.design import design
@@ -78,6 +79,7 @@ def propose(
 ) -> Outcome:
     """Search for what is missing; sealed data are looked at once the verdict stands, which they can only lower."""
     recording = parts.fitted
+    steps = _Steps(progress)
     with _interruptible():
         report = find_gap(
             world,
@@ -87,8 +89,8 @@ def propose(
             base=base,
             candidates=candidates,
             settings=settings,
-            progress=lambda share, step: progress.report(share, 1.0, step),
-            cancelled=progress.cancelled,
+            progress=steps.report,
+            cancelled=steps.cancelled,
         )
     summary = report.to_dict()
     best = report.verdict.best
@@ -107,6 +109,24 @@ def propose(
         for trial in chosen
     ]
     return Outcome(verdict_text(summary), finite(summary))
+
+
+class _Steps:
+    """Progress of a search: its step, and how many batches of simulations have been asked for."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress, self._share, self._step, self._batches = progress, 0.0, "base fit", 0
+
+    def report(self, share: float, step: str) -> None:
+        """Report a step that is done."""
+        self._share, self._step = share, step
+        self._progress.report(share, 1.0, step)
+
+    def cancelled(self) -> bool:
+        """Return whether to stop; asked before each batch, which is reported too: a step may take many seconds."""
+        self._batches += 1
+        self._progress.note(self._share, 1.0, f"{self._step}; {self._batches} batches of simulations")
+        return self._progress.cancelled()
 
 
 def _fitted_world(trial: FittedHypothesis, world: World) -> World:
@@ -260,8 +280,8 @@ def _compared(trial: FittedHypothesis) -> tuple[Compared, ...]:
 def _pictures(before: tuple[Compared, ...], after: tuple[Compared, ...] | None = None) -> dict[str, bytes]:
     from atw_mcp.gap.pictures import map_picture, path_picture, residual_picture  # matplotlib is slow to import
 
-    return {
-        "residuals.png": residual_picture(before, after),
-        "paths.png": path_picture(before, after),
-        "map.png": map_picture(before, after),
-    }
+    drawn = {}
+    for name, draw in {"residuals.png": residual_picture, "paths.png": path_picture, "map.png": map_picture}.items():
+        interruption.check()
+        drawn[name] = draw(before, after)
+    return drawn

@@ -70,12 +70,20 @@ def observe(
             raise PerceptionCancelled("observation cancelled")
 
     stop()
-    report(0.03, "looking whether the camera moves")
-    motion = camera_motion(frames, stop)
+    looked = 0
+
+    def look() -> None:
+        nonlocal looked
+        stop()
+        looked += 1
+        report(0.03 + 0.02 * min(looked / (2 * count), 1.0), f"looking whether the camera moves: {looked} pictures")
+
+    motion = camera_motion(frames, look)
     if motion is not None:
         frames = stabilised(frames, motion)
     report(0.05, "modelling the background")
     background = model_background(frames)
+    stop()
     shadow = shadows_of(frames, background)
     foregrounds = []
     for t in range(count):
@@ -123,6 +131,7 @@ def observe(
             warnings.append(f"{sum(r == reason for r in out.values())} regions were left out that {what}")
     for number in out:
         del sweep.tracks[number]
+    stop()
     observation = assemble(full, foregrounds, sweep, background, info, stride, motion)
     if expected:
         observation, missing = matched_to_expected(observation, tuple(expected))

@@ -1,4 +1,4 @@
-"""Ground of the engine: settings of Warp, and arrays and launches on the device in use.
+"""Ground of the engine: settings of Warp, arrays and launches on the device in use, and interruption of computations.
 
-Read `buffers`; `warp_settings` is imported before any kernel is made.
+Read `buffers` and `interruption`; `warp_settings` is imported before any kernel is made.
 """

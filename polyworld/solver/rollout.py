@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.core import interruption
 from polyworld.model import model_of
 from polyworld.trajectory import BatchTrajectory, Rollout
 from polyworld.trajectory.events import all_events
@@ -181,6 +182,7 @@ def sampled_times(world: World, horizon: float, sample_interval: float | None = 
 
 def _rollout_of(world: World, batch: BatchTrajectory, index: int, horizon: float) -> Rollout:
     """The rollout of one world of a batch whose events were recorded."""
+    interruption.check()
     trajectory = batch.world(index)
     diverged = bool(batch.diverged[index])
     element = batch.diverged_element

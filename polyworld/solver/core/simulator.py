@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.core import buffers
+from polyworld.core import buffers, interruption
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.episodes import EPISODES, ContactLog
@@ -106,6 +106,7 @@ class RigidSimulator(ABC):
         self._outcome.diverged_time = buffers.zeros((n_worlds,), wp.float64)
         self._outcome.overflowed = buffers.zeros((n_worlds,), wp.int32)
         self._own, self._reach = self._schedule.own.numpy(), self._schedule.reach.numpy()
+        self._steps = self._schedule.steps.numpy()
         self._diverged_object = self._outcome.diverged_object.numpy()
         self._diverged_time = self._outcome.diverged_time.numpy()
         self._overflowed = self._outcome.overflowed.numpy()
@@ -122,6 +123,7 @@ class RigidSimulator(ABC):
         """Roll variants out from their initial state; see `polyworld.solver.rollout.Simulator`."""
         batch = self._roll(overrides, samples, schedule)
         positions, orientations, velocities, angular_velocities = self._states(batch)
+        interruption.check()
         starts = np.array([o.start_time for o in self.world.objects])
         return BatchTrajectory(
             names=self.names,
@@ -172,7 +174,16 @@ class RigidSimulator(ABC):
             buffers.launch(kernel, last - first, self._inputs(first, index))
 
         kernel.module.load(buffers.DEVICE, block_dim=1)  # before the threads ask for it
-        run_in_pool(piece, pieces, self.threads)
+        try:
+            with interruption.current().stopping(self._skip_segments):
+                run_in_pool(piece, pieces, self.threads)
+        except interruption.Interrupted:
+            self._steps[...] = self._table.steps
+            raise
+
+    def _skip_segments(self) -> None:
+        """Leave a running kernel no more steps: it reads the number of them at the start of each segment."""
+        self._steps[...] = 0
 
     @abstractmethod
     def _kernel(self) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.core import buffers
+from polyworld.core import buffers, interruption
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.time_table import TimeTable
@@ -60,6 +60,7 @@ class Shard:
         self.damping: Any = None  # (R, D) by deformable [1/s]
         self.before = buffers.zeros(self.nodes.v.shape, wp.vec3d)  # velocities when the inner step began
         load_kernels(world)
+        interruption.check()  # each of these takes seconds for many points
         self.stages = stages_of(world, self.first, n_worlds)
         self.effects = MassEffects(world)
         self.record_events = record_events
@@ -68,6 +69,7 @@ class Shard:
         self.diverged_time = buffers.full((n_worlds,), np.nan, wp.float64)
         self._build_rigid()
         bodies = None if self.rigid is None else self.rigid.bodies
+        interruption.check()
         self.fluid = fluid_of(world, n_worlds, float(table.end[-1]))
         if self.fluid is not None:
             self.fluid.bind(bodies, self.nodes, self.first)
@@ -176,6 +178,7 @@ class Shard:
         time, h = self.clock.time.numpy(), self.clock.h.numpy()
         diverged = self.diverged_node.numpy()
         for left in range(steps, 0, -1):
+            interruption.check()
             h[:] = np.where(diverged >= 0, 0.0, (end - time) / left)
             step.advance(self, graphs)
             self._note_diverged_bodies()

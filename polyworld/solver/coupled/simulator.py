@@ -6,6 +6,7 @@ import itertools
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,8 +79,9 @@ class CoupledSimulator:
         if len(records) == 1:
             run(records[0])
         else:
+            contexts = [copy_context() for _ in records]  # what may interrupt this thread may interrupt the others
             with ThreadPoolExecutor(len(records)) as pool:
-                list(pool.map(run, records))
+                list(pool.map(lambda context, record: context.run(run, record), contexts, records))
         return self._assemble(records, arrays, count)
 
     def _assemble(self, records: list[Record], arrays: RigidArrays, count: int) -> BatchTrajectory:

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +21,12 @@ from mcp.server import MCPServer
 
 from atw_mcp import server
 from atw_mcp.calls.app import App
+from atw_mcp.calls.jobs import JobRunner, LongWork, Progress
+from atw_mcp.calls.results import Answer
 from atw_mcp.calls.waiting import WaitingCalls
 from evidence_store import EvidenceStore, StoreError
 from evidence_store.connection import Connection
+from polyworld.core import interruption
 from tests.atw_mcp import stdio_process
 from tests.atw_mcp.connections import REPOSITORY, connection
 
@@ -220,6 +224,29 @@ def test_a_call_that_the_client_gives_up_stops_its_work(store: Path) -> None:
 
     with connection("memory", store, "auto") as client:
         anyio.run(session, client)
+
+
+def test_cancelled_work_ends_by_itself_with_what_it_has_or_is_interrupted(store: Path) -> None:
+    draft = Answer(summary="working", data={}, case="c")
+
+    def deaf(_: Progress) -> Answer:
+        while True:
+            interruption.check()  # as the solvers do
+            time.sleep(0.01)
+
+    def hearing(progress: Progress) -> Answer:
+        while not progress.cancelled():
+            time.sleep(0.01)
+        return replace(draft, status="cancelled", summary="best so far")
+
+    opened = EvidenceStore(store)
+    jobs = JobRunner(opened)
+    for work, summary in ((deaf, "cancelled at an unknown stage"), (hearing, "best so far")):
+        job = jobs.start("FitWorld", {}, LongWork(summary, work, draft, 1.0))
+        jobs.cancel(job.evidence)
+        assert job.ended.wait(10)
+        record = opened.read_evidence(job.evidence)
+        assert (record.status, record.summary) == ("cancelled", summary)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="kills a process by signal")
