@@ -155,7 +155,9 @@ async def _rollout_errors(session: Session, rollout: Reply, truth: TrueRun) -> d
 async def _check_gap(session: Session, results: dict[str, Reply], narrator: Narrator) -> None:
     hidden, unfilmed = hidden_pull()
     found = results["what"].body["data"]
-    effect: dict[str, Any] = found["proposals"][0]["effects"][0] if found["proposals"] else {"name": "nothing"}
+    effect: dict[str, Any] = (
+        found["proposals"][0]["effects"][0] if found["proposals"] else {"name": "nothing", "unknowns": {}}
+    )
     right = found["verdict"] == "identified" and effect["name"] == hidden.effect
     narrator.say("")
     narrator.say("Checked against the simulator that made the clip, which none of the above has seen:")
@@ -165,7 +167,7 @@ async def _check_gap(session: Session, results: dict[str, Reply], narrator: Narr
         indent=" " * 6,
     )
     for axis, true in zip("xy", hidden.acceleration, strict=True):
-        known = next((value for key, value in effect.items() if key == axis), None)
+        known = effect["unknowns"].get(axis)
         if known is not None:
             low, high = known["interval95"]
             narrator.say(

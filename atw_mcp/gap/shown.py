@@ -85,8 +85,10 @@ def _effect(effect: dict[str, Any]) -> dict[str, Any]:
         shown["label"] = effect["label"]
     if effect["same_as"]:
         shown["same_as"] = effect["same_as"]
-    for name, value in effect["unknowns"].items():
-        shown[name] = {key: value[key] for key in ("value", "unit", "interval95") if value[key] is not None}
+    shown["unknowns"] = {
+        name: {key: value[key] for key in ("value", "unit", "interval95") if value[key] is not None}
+        for name, value in effect["unknowns"].items()
+    }
     return shown
 
 

@@ -20,6 +20,7 @@ from atw_mcp.gap.shown import next_step, shown_discrepancy, shown_proposals
 from atw_mcp.gap.unknowns import base_unknowns
 from atw_mcp.gap.work import Outcome
 from atw_mcp.observation.recording_records import CaseRecording, case_recording
+from atw_mcp.results.discrepancy import AddedEffect, FoundDiscrepancy, ProposedEffects
 from atw_mcp.tools.world_arguments import CaseId, EffectArgument, Patience
 from evidence_store import Case, Content, UnknownRecord
 from polyworld.estimation.unknown import Unknown
@@ -43,7 +44,13 @@ Fitted = Annotated[
 ]
 
 
-@GROUP.tool("FindDiscrepancy", title="Find where world and data disagree", read_only=True, pictures=True)
+@GROUP.tool(
+    "FindDiscrepancy",
+    title="Find where world and data disagree",
+    read_only=True,
+    pictures=True,
+    returns=FoundDiscrepancy,
+)
 def find_discrepancy(
     app: App,
     case: CaseId,
@@ -88,7 +95,7 @@ def find_discrepancy(
     )
 
 
-@GROUP.tool("ProposeEffects", title="Name the missing effect", read_only=True)
+@GROUP.tool("ProposeEffects", title="Name the missing effect", read_only=True, returns=ProposedEffects)
 def propose_effects(
     app: App,
     case: CaseId,
@@ -152,7 +159,9 @@ def propose_effects(
     )
 
 
-@GROUP.tool("AddEffect", title="Add an effect and show what it is worth", read_only=False, pictures=True)
+@GROUP.tool(
+    "AddEffect", title="Add an effect and show what it is worth", read_only=False, pictures=True, returns=AddedEffect
+)
 def add_effect(
     app: App,
     case: CaseId,

@@ -17,6 +17,7 @@ from atw_mcp.fitting.video_model import VideoRequest, model_video
 from atw_mcp.observation.matching import Known
 from atw_mcp.observation.observing import latest_camera
 from atw_mcp.perception.known.colour_words import colour_word
+from atw_mcp.results.modelling import ModelledVideo, StoppedModelling
 from atw_mcp.tools.known_objects import KnownObject, Sized, known_of
 from atw_mcp.tools.measurement import LengthArgument, PointArgument
 from atw_mcp.tools.opening import open_case
@@ -26,7 +27,13 @@ from evidence_store import Case, to_json
 GROUP = ToolGroup("world construction")
 
 
-@GROUP.tool("ModelVideo", title="Model a video in one call", read_only=False, files=True)
+@GROUP.tool(
+    "ModelVideo",
+    title="Model a video in one call",
+    read_only=False,
+    files=True,
+    returns=ModelledVideo | StoppedModelling,
+)
 def model_video_tool(
     app: App,
     video: Annotated[

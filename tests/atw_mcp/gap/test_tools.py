@@ -106,7 +106,7 @@ def test_the_hidden_drag_is_named_with_its_strength(proposals: dict[str, Any]) -
     assert data["verdict"] == "identified"
     effect = data["proposals"][0]["effects"][0]
     assert effect["name"] == "quadratic_drag"
-    low, high = effect["coefficient"]["interval95"]
+    low, high = effect["unknowns"]["coefficient"]["interval95"]
     # 99.99% of the intervals that are right hold the truth when they are twice as wide.
     middle, half = 0.5 * (low + high), high - low
     assert abs(middle - DRAG) < half < 0.01 * DRAG

@@ -1,0 +1,101 @@
+"""Results of the tool that models a video in one call."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from atw_mcp.results.base import Result
+from atw_mcp.results.identification import OpenQuestion
+from atw_mcp.results.values import Json
+
+StepName = Literal["ObserveObjects", "CalibrateCamera", "BuildWorld", "FitWorld"]
+
+
+class MatchedObject(Result):
+    """A known object and the track taken for it."""
+
+    object: str = Field(description="the known object")
+    track: str
+    confidence: float = Field(description="probability of this pair against the best assignment without it, 0 to 1")
+    margin: float = Field(description="fall of the log likelihood without this pair [nats]")
+    cues: dict[str, float] = Field(description="log likelihood ratio of each cue [nats]")
+    seen_over_known_size: float | None = Field(description="null where a size is unknown")
+    notes: list[str]
+
+
+class UnlistedTrack(Result):
+    """A track that no known object explains."""
+
+    track: str = Field(description="its name")
+    colour: str
+    shape: str
+    frames: int = Field(description="number of frames that show it")
+    moves: bool
+    mean_confidence: float = Field(description="over these frames, 0 to 1")
+
+
+class BodyError(Result):
+    """Error of one object's simulated places."""
+
+    object: str
+    error_m: float = Field(description="root mean square [m]")
+    error_px: float | None = Field(description="root mean square [px]; null without a camera")
+    of_radius: float = Field(description="error over the object's radius")
+    of_noise: float | None = Field(description="error over the noise of its track; null where that states none")
+    frames: int = Field(description="number of frames compared")
+
+
+class ValueAtBound(Result):
+    """A fitted value on a bound of its search."""
+
+    name: str
+    value: float = Field(description="in its unit")
+    unit: str = Field(description="1 where it has none")
+
+
+class ModellingStep(Result):
+    """A call that was made."""
+
+    tool: StepName
+    evidence: str = Field(description="id of its result")
+    arguments: Json = Field(description="all but case (JSON document)")
+    doubts: list[str]
+    assumed: list[str] = Field(description="choices that were not made by the caller")
+    to_correct: str = Field(description="calls to make where it is wrong")
+
+
+class _Modelling(Result):
+    """The parts of any outcome of a modelling."""
+
+    matches: list[MatchedObject] | None = Field(default=None, description="left out where nothing was to match")
+    found_by_colour_and_size: list[str] | None = Field(
+        default=None, description="objects that were looked for instead; left out where none was"
+    )
+    unseen_objects: list[str] | None = Field(
+        default=None, description="known objects without a track; left out where nothing was to match"
+    )
+    unlisted_tracks: list[UnlistedTrack] | None = Field(default=None, description="left out where nothing was to match")
+    steps: list[ModellingStep]
+    next: str = Field(description="call to make next")
+
+
+class ModelledVideo(_Modelling):
+    """Data of ModelVideo."""
+
+    world: str = Field(description="id of the fitted world")
+    verdict: Literal["follows", "follows_with_doubts", "does_not_follow"]
+    doubts: list[str]
+    errors: list[BodyError] = Field(description="largest beside the body's size first; empty where the world diverges")
+    at_bounds: list[ValueAtBound]
+    undetermined: list[OpenQuestion]
+    undetermined_rows: int = Field(description="number of rows in all")
+
+
+class StoppedModelling(_Modelling):
+    """Data of ModelVideo where a step failed."""
+
+    failed_step: StepName | Literal["matching"]
+    reason: str
+    failed_evidence: str | None = Field(description="id of its record; null where it was refused")
