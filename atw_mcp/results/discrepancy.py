@@ -146,7 +146,7 @@ class StabilityOverRuns(Result):
     held_out_gain: float | None = Field(description="mean fall of chi2 on runs left out; null where unknown")
     held_out_error: float | None = Field(description="its standard error; null where it is unknown")
     ebic_ahead: float | None = Field(description="extended BIC below that of no effect; null where unknown")
-    model_error: float | None = Field(description="size of the model error, of the noise; null where unknown")
+    model_error: dict[str, float] = Field(description="smooth residuals by kind of measurement, in units of the noise")
     competitors: list[list[str]] = Field(description="sets of effects that come near")
     reasons: list[str] = Field(description="why none is named; empty where one is")
 
