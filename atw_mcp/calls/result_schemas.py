@@ -57,7 +57,7 @@ def result_schema(returns: Any, *, long: bool) -> dict[str, Any]:
 
 def referenced_schema(returns: Any, *, long: bool) -> dict[str, Any]:
     """The same schema with each model once, under `$defs`: shorter, for those who follow references."""
-    data = _data(returns, long).json_schema(schema_generator=_Untitled)
+    data = _to_read(_data(returns, long).json_schema(schema_generator=_Untitled))
     definitions = data.pop("$defs", {})
     return {**_enveloped(data), "$defs": definitions}
 

@@ -13,7 +13,7 @@ from atw_mcp.results.values import Json
 Box = Annotated[list[Place], Field(min_length=2, max_length=2)]
 
 
-class MaterialShape(Result):
+class DeformableShape(Result):
     """Size, mass, resolution and start of a rope, cloth, soft body or fluid; fields of other materials are missing."""
 
     length: float | None = Field(default=None, description="of a rope, without tension [m]")
@@ -35,7 +35,7 @@ class MaterialShape(Result):
     start_frame: int | None = Field(default=None, description="where it joins later than the first")
 
 
-class MaterialFacts(MaterialShape):
+class DeformableFacts(DeformableShape):
     """The same with what names it."""
 
     name: str

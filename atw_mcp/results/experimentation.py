@@ -9,7 +9,8 @@ from pydantic import Field
 from atw_mcp.results.base import Result
 from atw_mcp.results.documents import Edit, Reading
 from atw_mcp.results.motions import Absent, EventRow, Happening, Motion, Participants, TimelineRow
-from atw_mcp.results.times import Covers, Pair, Periods, Place, Spread
+from atw_mcp.results.times import Covers, Periods, Place, Spread
+from atw_mcp.results.values import Interval
 
 Cell = float | None | list[float | None] | list[list[float | None]]
 FloorContacts = Annotated[bool, Field(description="false: touches of what things stand on are left out")]
@@ -46,7 +47,7 @@ class MemberCount(Result):
     true: int = Field(description="number of members")
     false: int
     probability: float
-    probability_interval: Pair = Field(description="90%")
+    probability_interval: Interval = Field(description="90%")
 
 
 class LikelyEvent(MemberCount):

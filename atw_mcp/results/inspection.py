@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from atw_mcp.results.base import Result
-from atw_mcp.results.deformables import MaterialFacts, MaterialShape, Nodes
+from atw_mcp.results.deformables import DeformableFacts, DeformableShape, Nodes
 from atw_mcp.results.documents import (
     AttachmentPart,
     ContainerPart,
@@ -24,7 +24,7 @@ from atw_mcp.results.documents import (
     ShapeOfBody,
     StaticPart,
 )
-from atw_mcp.results.times import Vector
+from atw_mcp.results.values import Vector
 
 Turn = Annotated[list[float], Field(min_length=4, max_length=4)]
 Origin = Literal["fitted", "edited", "observed", "given or default"]
@@ -69,7 +69,7 @@ class ReadLook(Result):
     """Size at rest, shape, colour, material or representation of an object."""
 
     object: str
-    value: float | str | ShapeOfBody | MaterialFacts | None = Field(description="null: not known")
+    value: float | str | ShapeOfBody | DeformableFacts | None = Field(description="null: not known")
     unit: str | None = Field(default=None, description="missing: a word")
     known: str
 
@@ -98,7 +98,7 @@ class InspectedObject(Result):
     representation: str
     color: str | None = None
     material: str | None = None
-    shape: ShapeOfBody | MaterialShape | None = None
+    shape: ShapeOfBody | DeformableShape | None = None
     joins_at_frame: float | None = None
     starts_in_view: bool | None = Field(default=None, description="missing: no camera, or not rigid")
     parameters: dict[str, KnownParameter] | None = Field(default=None, description="by name")

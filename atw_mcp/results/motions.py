@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from atw_mcp.results.base import Result
-from atw_mcp.results.times import Place, Vector
+from atw_mcp.results.times import Place
+from atw_mcp.results.values import Vector
 from polyworld.trajectory.trajectory import EventKind
 
 Happening = Literal["collision", "enters the view", "leaves the view", "comes to rest", "is let go"]

@@ -10,7 +10,8 @@ from atw_mcp.results.base import Result
 from atw_mcp.results.documents import Statement
 from atw_mcp.results.experimentation import FloorContacts, MemberCount
 from atw_mcp.results.motions import Happening, Participants, TimelineRow
-from atw_mcp.results.times import Covers, Pair, Spread
+from atw_mcp.results.times import Covers, Spread
+from atw_mcp.results.values import Interval
 from polyworld.trajectory.trajectory import EventKind
 
 Aggregation = Literal["any", "all", "first", "last", "count", "fraction"]
@@ -80,7 +81,7 @@ class Chance(Result):
     true: int = Field(description="number of members")
     false: int
     probability: float | None = Field(description="null: unknown in every member")
-    probability_interval: Pair | None = Field(description="90%")
+    probability_interval: Interval | None = Field(description="90%")
     less_sure_because: str | None = Field(default=None, description="only where it differs from the count")
 
 
@@ -142,9 +143,9 @@ class Answered(Result):
     value: bool | int | float | None = Field(description="the same as a value; null: never, or unknown")
     decided: bool = Field(description="false: the rollout does not cover what is asked")
     reason: str | None = Field(description="why it is unknown or never; else null")
-    intervals: list[Pair] = Field(description="when it holds [s]")
-    covered: Pair | None = Field(description="what of the time asked for is covered [s]; null: nothing")
-    asked: Pair | None = Field(description="[s]")
+    intervals: list[Interval] = Field(description="when it holds [s]")
+    covered: Interval | None = Field(description="what of the time asked for is covered [s]; null: nothing")
+    asked: Interval | None = Field(description="[s]")
     evidence: Grounds
     margin: float | None = Field(default=None, description="by how much it is true (positive) or false, where known")
     margin_unit: str | None = Field(default=None, description="with margin")

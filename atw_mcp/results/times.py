@@ -7,17 +7,16 @@ from typing import Annotated
 from pydantic import Field
 
 from atw_mcp.results.base import Result
+from atw_mcp.results.values import Interval
 
-Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Place = Annotated[list[float | None], Field(min_length=3, max_length=3)]  # null where there is none of a fluid
-Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
 class Covers(Result):
     """The stretch of time that a result covers."""
 
-    seconds: Pair = Field(description="start, end [s]")
-    frames: Pair = Field(description="the same as frame numbers")
+    seconds: Interval = Field(description="start, end [s]")
+    frames: Interval = Field(description="the same as frame numbers")
 
 
 class Spread(Result):

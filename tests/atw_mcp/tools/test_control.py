@@ -7,6 +7,7 @@ from pathlib import Path
 
 import anyio
 import pytest
+from jsonschema import Draft202012Validator
 from mcp import Client
 
 from atw_mcp.calls.results import ROOM
@@ -125,3 +126,14 @@ def test_a_committed_file_can_be_opened_afresh_under_another_name(session: Sessi
     assert second == "again" != first
     listed = [row["case"] for row in session("OpenCase")["data"]["cases"]]
     assert listed == [first, "again"]
+
+
+def test_the_schema_of_a_tools_results_is_shown_in_full(session: Session, case: str) -> None:
+    shown = session("DescribeTool", tool="InspectWorld", argument="result")
+    assert "shortened" not in shown
+    schema = shown["data"]["schema"]
+    joint = schema["properties"]["data"]["properties"]["joints"]["items"]
+    assert joint["required"] == ["name", "object", "anchor", "kind"]
+    Draft202012Validator(schema).validate(session("InspectWorld", case=case))
+    with_pictures = session("DescribeTool", tool="InspectFrames", argument="result")["data"]["schema"]
+    assert {"PlainFrames", "OutlinedFrames", "Unfinished"} <= set(with_pictures["$defs"])
