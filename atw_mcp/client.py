@@ -62,6 +62,9 @@ class Session:
             reply = Reply(tool, seen.body, seen.pictures)
         if reply.body.get("status") in ("failed", "cancelled") and tool != "ReadEvidence":
             raise ToolFailed(f"{tool}: {reply.body.get('summary')}")
+        if reply.body.get("shortened") and tool != "ReadEvidence":  # scripts refer to any item of a list
+            seen = await self._once("ReadEvidence", {"evidence": reply.body["evidence"], "detail": "full"})
+            reply = Reply(tool, seen.body, seen.pictures)
         return reply
 
     async def _once(self, tool: str, arguments: dict[str, Any]) -> Reply:

@@ -33,19 +33,25 @@ from __future__ import annotations
 import difflib
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import anyio
 import platformdirs
 from mcp.server import MCPServer
+from mcp.server.lowlevel.helper_types import ReadResourceContents
 from mcp.server.mcpserver.context import Context
 from mcp.server.mcpserver.exceptions import ToolError
 from mcp.server.mcpserver.tools import Tool
 from mcp_types import CallToolResult, InputRequiredResult
+from mcp_types import Tool as ListedTool
+from pydantic import AnyUrl
 
-from atw_mcp.calls import resources, watching
+from atw_mcp import resources
+from atw_mcp.calls import completions, watching
 from atw_mcp.calls.app import App
+from atw_mcp.calls.brief import brief_tool
 from atw_mcp.calls.deferred import DeferredTool
 from atw_mcp.calls.error_text import bounded_errors
 from atw_mcp.calls.files import allowed_folders
@@ -65,7 +71,8 @@ look at InspectFrames and InspectRollout, CommitWorld. Where the objects and the
 all these steps up to FitWorld in one call. Where the fitted world still disagrees with the data: \
 FindDiscrepancy, ProposeEffects, AddEffect. World Probing: Rollout (with interventions), ReadEvents, \
 CompareWorlds, QueryWorld, then Finish with the evidence ids that decide the question. SI units, z up; \
-frames are numbered from 0."""
+frames are numbered from 0. The list of tools is in short form: DescribeTool(tool, argument) and the \
+resource atw://schema/tools/TOOL give every field, unit and bound, and the form of the result."""
 
 
 def default_store() -> Path:
@@ -76,11 +83,31 @@ def default_store() -> Path:
 class WorldServer(PromptServer):
     """The server; a call of a tool that does not exist raises an error that lists those that do."""
 
+    async def list_tools(self) -> list[ListedTool]:
+        """Every tool in its short form."""
+        return [brief_tool(tool) for tool in await self.full_tools()]
+
+    async def full_tools(self) -> list[ListedTool]:
+        """Every tool with its whole description and schemas."""
+        return await super().list_tools()
+
+    async def read_resource(
+        self, uri: AnyUrl | str, context: Context[App, Any] | None = None
+    ) -> Iterable[ReadResourceContents] | InputRequiredResult:
+        """One resource; a picture has the media type of its own bytes. Raises ResourceError."""
+        read = await super().read_resource(uri, context)
+        if isinstance(read, InputRequiredResult):
+            return read
+        return [
+            replace(part, mime_type=resources.image_type(part.content)) if isinstance(part.content, bytes) else part
+            for part in read
+        ]
+
     async def call_tool(
         self, name: str, arguments: dict[str, Any], context: Context[App, Any] | None = None
     ) -> CallToolResult | InputRequiredResult:
         """Call one tool; raises ToolError naming the tools for an unknown one."""
-        names = [tool.name for tool in await self.list_tools()]
+        names = [tool.name for tool in await self.full_tools()]
         if name not in names:
             close = difflib.get_close_matches(name, names, n=1)
             hint = f" (did you mean {close[0]}?)" if close else ""
@@ -88,7 +115,7 @@ class WorldServer(PromptServer):
         return await super().call_tool(name, arguments, context)
 
 
-def build_server(store: Path | None = None, *, allow: Iterable[Path] = ()) -> MCPServer[App]:
+def build_server(store: Path | None = None, *, allow: Iterable[Path] = ()) -> WorldServer:
     """The server on a store (default: `default_store()`); raises StoreError where the store cannot be used.
 
     allow: folders and files that calls may have read, besides those of `allowed_folders`.
@@ -117,6 +144,7 @@ def build_server(store: Path | None = None, *, allow: Iterable[Path] = ()) -> MC
         log_level="WARNING",
     )
     resources.register(server, app)
+    completions.register(server, app)
     watching.register(server, app)
     add_prompts(server)
     return server

@@ -148,8 +148,8 @@ class App:
 
     # --- evidence ---
 
-    def evidence_result(self, identifier: str) -> CallToolResult:
-        """Return an evidence record as a tool result; one still running says how far it is."""
+    def evidence_result(self, identifier: str, *, whole: bool = False) -> CallToolResult:
+        """Return an evidence record as a tool result, whole or shortened; one still running says how far it is."""
         record = self.store.read_evidence(identifier)
         if record.status == "failed":
             record = replace(record, summary=self.files.redacted(record.summary))
@@ -161,7 +161,7 @@ class App:
                 "with cancel=true it stops it"
             )
             record = replace(record, summary=summary, payload={"data": {"progress": progress}})
-        return to_result(record)
+        return to_result(record, whole=whole)
 
 
 @lru_cache(maxsize=256)

@@ -10,11 +10,11 @@ from pydantic import Field
 
 Seconds = Annotated[
     list[float] | None,
-    Field(description="stretch of time [start, end] in seconds; default: all", min_length=2, max_length=2),
+    Field(description="[start, end] in seconds; default: all", min_length=2, max_length=2),
 ]
 FrameRange = Annotated[
     list[Annotated[int, Field(ge=0)]] | None,
-    Field(description="the same as [first, last] frame numbers, instead of seconds", min_length=2, max_length=2),
+    Field(description="[first, last] frame, instead of interval", min_length=2, max_length=2),
 ]
 
 ROUNDING = 1e-6  # of a frame: an interval's end may have been computed another way

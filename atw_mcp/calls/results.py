@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,11 @@ from pydantic import ValidationError
 from atw_mcp.calls.error_text import LIMITS, and_more, short_repr, without_middle
 from evidence_store import Evidence, Status, StoreError, to_json
 
-ROOM = 40_000  # characters of JSON an agent is shown at once: about 15k tokens, below the 25k that clients cut at
+ROOM = 4_500  # characters of a result: about 1,500 tokens, at the 3 characters a token that results of tools have
+WIDE = 40_000  # characters of one whose length was asked for: about 13k tokens, below the 25k that clients cut at
+SHORT = 4  # numbers: a list of so few is a vector, which is never cut
 NAMED_AT_MOST = 10  # damaged records named in a summary
+MOST_NAMES = 40  # of objects listed beside the data; the resource has all
 DIGITS = 6  # significant digits shown; the evidence keeps all of them
 
 
@@ -29,13 +32,15 @@ class Answer:
 
     summary: one or two sentences an agent can act on. data: the whole result, JSON-ready except that numpy
     values and NaN are allowed (NaN becomes null). shown: what the agent sees where the whole is too much;
-    default data. The rest is provenance: what the result was computed from and what it covers.
+    default data. whole: not to be cut to `ROOM`, which would spoil a schema. The rest is provenance: what the
+    result was computed from and what it covers.
     pictures: encoded image files by name ("overlay.png").
     """
 
     summary: str
     data: dict[str, Any]
     shown: dict[str, Any] | None = None
+    whole: bool = False
     case: str | None = None
     world: str | None = None
     rollout: str | None = None
@@ -58,19 +63,29 @@ class Answer:
             interval=self.interval,
             status=self.status,
             summary=self.summary,
-            payload={"data": plain(self.data), "shown": None if self.shown is None else plain(self.shown)},
+            payload={
+                "data": plain(self.data),
+                "shown": None if self.shown is None else plain(self.shown),
+                **({"whole": True} if self.whole else {}),
+            },
             pictures=self.pictures,
         )
 
 
-def to_result(evidence: Evidence) -> CallToolResult:
+def to_result(evidence: Evidence, *, whole: bool = False) -> CallToolResult:
     """A record as MCP content: compact JSON in both places, or JSON text and pictures without structured content.
 
+    Long lists are cut to `ROOM`, or to `WIDE` where the caller gave a limit. whole: all the data, up to `WIDE`.
     Some clients drop pictures when structured content is present, so a result with pictures has none.
     """
-    shown = evidence.payload.get("shown")
+    whole = whole or evidence.payload.get("whole", False)
+    shown = None if whole else evidence.payload.get("shown")
     cut = shown is not None
-    data, shortened = fit_to_room(rounded(shown if cut else evidence.payload.get("data", {})))
+    names = list(evidence.objects[:MOST_NAMES])
+    room = WIDE if whole or evidence.arguments.get("limit") is not None else ROOM
+    data, shortened = fit_to_room(
+        rounded(shown if cut else evidence.payload.get("data", {})), room - len(evidence.summary) - len(to_json(names))
+    )
     body: dict[str, Any] = {
         "evidence": evidence.id or None,
         "tool": evidence.tool,
@@ -78,14 +93,14 @@ def to_result(evidence: Evidence) -> CallToolResult:
         "summary": evidence.summary,
         "case": evidence.case,
         "source": {"world": evidence.world, "rollout": evidence.rollout, "observation": evidence.observation},
-        "objects": list(evidence.objects),
+        "objects": names,
         "interval": None if evidence.interval is None else rounded(list(evidence.interval)),
         "data": data,
     }
     content: list[ContentBlock] = []
     if shortened:
         body["shortened"] = shortened
-    if (cut or shortened) and evidence.id:
+    if (cut or shortened or len(evidence.objects) > MOST_NAMES) and evidence.id:
         body["resource"] = f"atw://evidence/{evidence.id}"
         content.append(
             ResourceLink(
@@ -96,36 +111,23 @@ def to_result(evidence: Evidence) -> CallToolResult:
                 mime_type="application/json",
             )
         )
+    if (
+        evidence.rollout is not None and isinstance(data, dict) and data.get("rollout") == evidence.rollout
+    ):  # made by it
+        content.append(
+            ResourceLink(
+                type="resource_link",
+                uri=f"atw://rollouts/{evidence.rollout}/trajectory.csv",
+                name="trajectories",
+                mime_type="text/csv",
+            )
+        )
     text = json.dumps(body, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     content.insert(0, TextContent(type="text", text=text))
     for name, picture in evidence.pictures.items():
         kind = "image/png" if name.endswith(".png") else "image/jpeg"
         content.append(ImageContent(type="image", data=base64.b64encode(picture).decode(), mime_type=kind))
     return CallToolResult(content=content, structured_content=None if evidence.pictures else body)
-
-
-def page(evidence: Evidence, path: str, cursor: int, limit: int) -> Evidence:
-    """The record with only the part of its data at `path`; of a list, `limit` items from `cursor` on.
-
-    Raises ToolError naming the parts there are.
-    """
-    part: Any = evidence.payload.get("data", {})
-    walked: list[str] = []
-    for step in path.split("."):
-        keys = [
-            str(key) for key in (part if isinstance(part, dict) else range(len(part) if isinstance(part, list) else 0))
-        ]
-        if step not in keys:
-            there = f"{keys[0]}..{keys[-1]}" if isinstance(part, list) and keys else keys
-            where = f"{evidence.id} at {'.'.join(walked)!r}" if walked else evidence.id
-            raise ToolError(f"{where} has no part {step!r}; parts: {there}")
-        part = part[step] if isinstance(part, dict) else part[int(step)]
-        walked.append(step)
-    data: dict[str, Any] = {"path": path, "value": part}
-    if isinstance(part, list):
-        rest = cursor + limit if cursor + limit < len(part) else None
-        data = {"path": path, "value": part[cursor : cursor + limit], "next_cursor": rest, "of": len(part)}
-    return replace(evidence, payload={"data": data}, pictures={})
 
 
 def plain(value: Any) -> Any:
@@ -158,22 +160,24 @@ def rounded(value: Any) -> Any:
     return value
 
 
-def fit_to_room(data: dict[str, Any], room: int = ROOM) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+def fit_to_room(data: dict[str, Any], room: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """The data with its longest lists cut until their JSON fits, and which lists were cut: path, shown, of."""
     cut: dict[str, dict[str, Any]] = {}
-    while len(to_json(data)) > room:
-        path, longest = max(_lists(data, ""), key=lambda found: len(to_json(found[1])) * (len(found[1]) > 1))
-        if len(longest) <= 1:
+    while (excess := len(to_json(data)) - room) > 0:
+        lists = [(len(to_json(items)), path, items) for path, items in _lists(data, "") if len(items) > 1]
+        if not lists:
             break
+        size, path, longest = max(lists, key=lambda found: found[0])
         whole = cut.get(path, {"of": len(longest)})["of"]
-        keep = max(1, len(longest) // 2)
+        share = max(0.5, 1.0 - excess / size)  # at most a half at once: another list may be the longest then
+        keep = max(1, min(len(longest) - 1, int(share * len(longest))))
         data = _replaced(data, path.split("."), longest[:keep])
         cut[path] = {"path": path, "shown": keep, "of": whole}
     return data, [cut[path] for path in sorted(cut)]
 
 
 def _lists(value: Any, path: str) -> Iterator[tuple[str, list[Any]]]:
-    if isinstance(value, list):
+    if isinstance(value, list) and not (len(value) <= SHORT and all(isinstance(item, int | float) for item in value)):
         yield path, value
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, item in items:

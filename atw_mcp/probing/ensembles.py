@@ -37,9 +37,8 @@ EDITS: TypeAdapter[Any] = TypeAdapter(list[Intervention])
 EnsembleSize = Annotated[
     int | None,
     Field(
-        description=f"how many members of the fitted world's posterior sample to ask too, {LEAST} to {MEMBERS}, 40 is "
-        "usual: parameter values and initial states that the data allow, each run with the same edits. Default: none, "
-        "the best fit alone",
+        description=f"posterior samples to run too, {LEAST} to {MEMBERS} (40 is usual). Each has parameter values and "
+        "initial states that the data allow, and the same edits. Default: none, the best fit alone",
         ge=LEAST,
         le=MEMBERS,
     ),

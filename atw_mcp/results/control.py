@@ -74,7 +74,6 @@ class Records(Result):
 
     records: list[RecordLine] = Field(description="latest first")
     next_cursor: int | None = Field(description="cursor of the next page; null: this is the last")
-    of: int = Field(description="number of records in all")
 
 
 class EvidencePart(Result):

@@ -42,6 +42,15 @@ from polyworld.world import Effect, MotionPlane, StaticObject, TimeBase, World
 from polyworld.world.shapes import Box, Cylinder, Plane, Sphere, TriangleMesh, Wall
 
 GROUP = ToolGroup("world construction")
+OBJECTS_EXAMPLE = [
+    {
+        "name": "red",
+        "shape": {"kind": "sphere", "radius": 0.1},
+        "position": [0, 0, 0.1],
+        "velocity": [1, 0, 0],
+        "mass": 0.5,
+    }
+]
 
 
 @GROUP.tool("BuildWorld", title="Build a world", read_only=False, returns=BuiltWorld | GivenWorld)
@@ -53,41 +62,39 @@ def build_world_tool(
         Field(
             gt=0,
             le=1e4,
-            description="physical time between frames [s]; default: one over the file's frame rate, which may be "
-            "wrong (slow motion): FitWorld can fit it",
+            description="physical time between frames [s]; default: one over the file's frame rate. That may be wrong "
+            "(slow motion): FitWorld can fit it",
         ),
     ] = None,
     representation: Annotated[
         Literal["auto", "planar", "spatial"],
         Field(
-            description="planar: objects stay in one plane with three degrees of freedom, fast; spatial: six. auto: "
-            "planar unless an object leaves the floor, or something described moves in space only; the result says why"
+            description="planar: motion in one plane; spatial: six degrees of freedom. auto: planar unless an object "
+            "leaves the floor, or something described moves in space only; the result says why"
         ),
     ] = "auto",
     objects: Annotated[
         list[ObjectArgument] | None,
         Field(
             max_length=64,
-            description="what is known about single rigid objects; the rest is taken from the observation. Objects "
-            "that were not observed are described here",
+            description="what is known of rigid objects; those not observed need shape and position. The rest is "
+            "taken from the observation",
+            examples=[OBJECTS_EXAMPLE],
         ),
     ] = None,
     parts: Annotated[
         list[PartArgument] | None,
         Field(
             max_length=256,
-            description="ropes, cloth, soft bodies, fluids (with their grid, emitters, drains and containers), what "
-            "holds them, pulleys, and joints of rigid objects. A rope or soft body that was observed under its name "
-            "starts where it was seen",
+            description="deformable objects, fluids, what holds them, and joints of rigid objects. A rope or soft body "
+            "that was observed under its name starts where it was seen",
         ),
     ] = None,
     only: Annotated[
         list[str] | None,
-        Field(max_length=64, description="names of the tracks to model; default: all; [] for a world described alone"),
+        Field(max_length=64, description="tracks to model; default: all; []: none, what is described alone"),
     ] = None,
-    default_shape: Annotated[
-        ShapeArgument | None, Field(description="shape of every object whose shape is neither observed nor given")
-    ] = None,
+    default_shape: Annotated[ShapeArgument | None, Field(description="shape of objects without one")] = None,
     floor: Annotated[
         float | Literal["none"] | None,
         Field(
@@ -95,16 +102,33 @@ def build_world_tool(
             "is the lower edge of the image"
         ),
     ] = None,
-    gravity: Annotated[
-        Point | None, Field(description="gravitational acceleration [m/s^2]; default 0, 0, -9.81")
-    ] = None,
+    gravity: Annotated[Point | None, Field(description="[m/s^2]; default 0, 0, -9.81")] = None,
     motion_plane: Annotated[
-        PlaneArgument | None, Field(description="plane of motion of a planar world, where it is not the floor")
+        PlaneArgument | None, Field(description="plane of motion, where it is not the floor")
     ] = None,
-    walls: Annotated[list[WallArgument] | None, Field(max_length=64, description="upright walls")] = None,
-    obstacles: Annotated[list[ObstacleArgument] | None, Field(max_length=64, description="other fixed solids")] = None,
-    effects: Annotated[list[EffectArgument] | None, Field(max_length=32, description="further laws")] = None,
-    wind: Annotated[Point | None, Field(description="velocity of the air, which moves cloth alone [m/s]")] = None,
+    walls: Annotated[
+        list[WallArgument] | None,
+        Field(max_length=64, description="upright walls", examples=[[{"name": "w", "start": [1, -1], "end": [1, 1]}]]),
+    ] = None,
+    obstacles: Annotated[
+        list[ObstacleArgument] | None,
+        Field(
+            max_length=64,
+            description="other fixed solids",
+            examples=[
+                [{"name": "ramp", "shape": {"kind": "box", "half_extents": [1, 0.5, 0.1]}, "position": [0, 0, 0]}]
+            ],
+        ),
+    ] = None,
+    effects: Annotated[
+        list[EffectArgument] | None,
+        Field(
+            max_length=32,
+            description="laws beyond gravity, contact and damping",
+            examples=[[{"name": "air", "kind": "quadratic_drag", "parameters": {"coefficient": 0.1}}]],
+        ),
+    ] = None,
+    wind: Annotated[Point | None, Field(description="air velocity, acts on cloth alone [m/s]")] = None,
     substep: Annotated[
         float | None,
         Field(
@@ -115,22 +139,17 @@ def build_world_tool(
         ),
     ] = None,
     first_frame: Annotated[
-        int | None, Field(ge=0, description="frame at which the world begins; default: the first of the tracks")
+        int | None, Field(ge=0, description="frame at which it begins; default: the tracks' first")
     ] = None,
-    tracks: Annotated[
-        str | None, Field(description="id of the track record to model; default: the latest observation of the case")
-    ] = None,
+    tracks: Annotated[str | None, Field(description="track record id; default: the latest")] = None,
     observation: Annotated[
         str | None,
-        Field(
-            description="id of the observation of the video to model, as ObserveObjects returned it and OpenCase lists "
-            "it; default: the latest"
-        ),
+        Field(description="observation id, as OpenCase lists them; default: the latest"),
     ] = None,
     world: Annotated[
         dict[str, Any] | None,
         Field(
-            description="instead of all this, a complete world as JSON; its schema: "
+            description="instead of all this, a complete world (atw://schema/world); its schema: "
             "DescribeTool(tool='BuildWorld', argument='world') or the resource atw://schema/world"
         ),
     ] = None,

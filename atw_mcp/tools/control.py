@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from mcp.server.mcpserver.exceptions import ToolError
 from mcp_types import CallToolResult
@@ -11,8 +11,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from atw_mcp.calls.app import App
 from atw_mcp.calls.names import case_hint
+from atw_mcp.calls.paging import MOST_ITEMS, fitting, part_of
 from atw_mcp.calls.result_schemas import Unfinished
-from atw_mcp.calls.results import Answer, damage_note, page, to_result
+from atw_mcp.calls.results import Answer, damage_note, explained, to_result
 from atw_mcp.calls.schemas import argument_lines, inlined
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.calls.waiting import Waiting
@@ -32,8 +33,10 @@ from evidence_store import Binding, Evidence, UnknownRecord
 
 GROUP = ToolGroup("execution control")
 
-CaseId = Annotated[str, Field(description="case id, as OpenCase returned it")]
+CaseId = Annotated[str, Field(description="case id")]
+CORRECTIONS_EXAMPLE = [{"name": "the red thing", "track": "object_1", "object": "red_ball"}]
 RESULT = "result"  # instead of an argument of DescribeTool
+MOST_FOUND = 50  # records looked for where no limit is given; those that fit are shown
 EVIDENCE_PATTERN = r"^ev-\d{1,15}$"
 CANCEL_SECONDS = 5.0  # [s] to wait for cancelled work to stop; it looks once a chunk, within about a second
 
@@ -45,19 +48,19 @@ CANCEL_SECONDS = 5.0  # [s] to wait for cancelled work to stop; it looks once a 
 )
 def describe_tool(
     app: App,
-    tool: Annotated[str | None, Field(description="name of a tool; without it, every tool in one line")] = None,
+    tool: Annotated[str | None, Field(description="without it, every tool in one line")] = None,
     argument: Annotated[
         str | None,
         Field(
-            description="one argument, to get its full JSON schema (BuildWorld: 'world', or a kind of part as "
-            "'parts.rope', or a field of it as 'parts.hinge.motor'); 'result': the JSON schema of the tool's results"
+            description="one argument, or 'result', for its full JSON schema. 'parts.rope' is a part of BuildWorld, "
+            "'parts.hinge.motor' a field of a part, 'world' a whole world"
         ),
     ] = None,
 ) -> Answer:
     """Describe a tool: purpose, arguments with types, bounds and defaults, and the stage that allows it."""
     if tool is None:
         tools = [{"tool": t.name, "role": t.role, "does": t.description.split(". ")[0]} for t in app.tools]
-        return Answer(summary=f"{len(tools)} tools", data={"tools": tools})
+        return Answer(summary=f"{len(tools)} tools", data={"tools": tools}, whole=True)
     found = next((t for t in app.tools if t.name.lower() == tool.lower()), None)
     if found is None:
         names = [t.name for t in app.tools]
@@ -76,15 +79,17 @@ def describe_tool(
             return Answer(
                 summary=f"{field} of part {kind}: {about.split('. ')[0]}",
                 data={"fields": lines, "about": about} if lines else {"schema": inner},
+                whole=True,
             )
         described = part_schema(kind)
         lines = argument_lines(described)[1:]
         return Answer(
             summary=f"part {kind}: {described['description'].split('. ')[0]}",
             data={"fields": lines, "about": described["description"]},
+            whole=True,
         )
     if argument == RESULT:
-        return Answer(summary=f"result of {found.name}", data={"schema": found.full_output})
+        return Answer(summary=f"result of {found.name}", data={"schema": found.full_output}, whole=True)
     if argument is not None:
         if argument not in properties:
             raise ToolError(f"{found.name} has no argument {argument!r}; arguments: {', '.join([*properties, RESULT])}")
@@ -93,7 +98,7 @@ def describe_tool(
             from polyworld.world import World
 
             schema = inlined(World.model_json_schema())
-        return Answer(summary=f"{found.name}.{argument}", data={"schema": schema})
+        return Answer(summary=f"{found.name}.{argument}", data={"schema": schema}, whole=True)
     return Answer(
         summary=f"{found.name} ({found.role})",
         data={
@@ -105,6 +110,7 @@ def describe_tool(
             "result": ("pictures, with their data as JSON text" if found.pictures else "JSON, also structured content")
             + f"; DescribeTool(tool={found.name!r}, argument={RESULT!r}) gives its schema",
         },
+        whole=True,
     )
 
 
@@ -122,27 +128,45 @@ STAGES = {
 )
 def read_evidence(
     app: App,
-    evidence: Annotated[str | None, Field(description="evidence id, e.g. ev-12; or give case to list them")] = None,
-    case: Annotated[
-        str | None, Field(description="case id: without evidence, lists the evidence of the case, latest first")
+    evidence: Annotated[str | None, Field(description="evidence id, e.g. ev-12; without it, case is searched")] = None,
+    case: Annotated[str | None, Field(description="case id, whose evidence is listed, latest first")] = None,
+    tool: Annotated[str | None, Field(max_length=64, description="search: results of this tool")] = None,
+    object: Annotated[str | None, Field(max_length=64, description="search: results about this object")] = None,
+    interval: Annotated[
+        list[float] | None, Field(min_length=2, max_length=2, description="search: overlapping [start, end] in seconds")
+    ] = None,
+    text: Annotated[
+        str | None,
+        Field(min_length=1, max_length=200, description="search: these words in summary, arguments or data"),
     ] = None,
     path: Annotated[
         str | None,
-        Field(description="part of the result to read in full, e.g. 'events' or 'objects.0.positions'", max_length=200),
+        Field(description="part of the result, e.g. 'events' or 'objects.0.positions'", max_length=200),
     ] = None,
-    cursor: Annotated[int, Field(ge=0, description="first item of a list to return")] = 0,
-    limit: Annotated[int, Field(ge=1, le=1000, description="how many items of a list to return")] = 100,
-    wait_seconds: Annotated[
-        float, Field(ge=0, le=600, description="of running work: how long to wait for its result")
-    ] = 0.0,
+    fields: Annotated[
+        list[Annotated[str, Field(max_length=64)]] | None,
+        Field(min_length=1, max_length=64, description="only these fields or columns of that part"),
+    ] = None,
+    cursor: Annotated[int, Field(ge=0, description="next_cursor of the page before")] = 0,
+    limit: Annotated[
+        int | None, Field(ge=1, le=MOST_ITEMS, description="items of a list; default: as fit in 1,500 tokens")
+    ] = None,
+    detail: Annotated[
+        Literal["summary", "full"], Field(description="full: all the data, up to 13,000 tokens")
+    ] = "summary",
+    wait_seconds: Annotated[float, Field(ge=0, le=600, description="longest wait for running work [s]")] = 0.0,
     cancel: Annotated[bool, Field(description="stop the work if it is still running")] = False,
 ) -> CallToolResult | Waiting:
-    """Return an earlier result without running anything again. Of work still running it gives the progress
-    (cancel=true stops it); of a long result it returns the part at `path`, list items from `cursor` on."""
+    """Return an earlier result without running anything again, or search the evidence of a case. Of running work it
+    gives the progress (cancel=true stops it); of a long result the part at `path`, list items from `cursor` on."""
+    searched = {"tool": tool, "object": object, "interval": interval, "text": text}
     if evidence is None:
         if case is None:
             raise ToolError("ReadEvidence takes either evidence (an id such as ev-12) or case (to list its evidence)")
-        return to_result(_listing(app, app.case(case).id, cursor, limit))
+        return to_result(_found(app, app.case(case).id, searched, cursor, limit))
+    unused = [name for name, value in searched.items() if value is not None]
+    if unused:
+        raise ToolError(f"{', '.join(unused)} search the evidence of a case: leave evidence out, or them")
     try:
         record = app.store.read_evidence(evidence)
     except UnknownRecord as error:
@@ -156,26 +180,39 @@ def read_evidence(
         wait_seconds = max(wait_seconds, CANCEL_SECONDS)
 
     def result() -> CallToolResult:
-        if path is not None:
-            return to_result(page(app.store.read_evidence(evidence), path, cursor, limit))
-        return app.evidence_result(evidence)
+        if path is not None or fields is not None:
+            read = part_of(app.store.read_evidence(evidence), path, fields, cursor, limit)
+            return to_result(read, whole=detail == "full")
+        return app.evidence_result(evidence, whole=detail == "full")
 
     if record.status == "running" and wait_seconds > 0:
         return Waiting(evidence, wait_seconds, result)
     return result()
 
 
-def _listing(app: App, case: str, cursor: int, limit: int) -> Evidence:
-    records = app.store.evidence.of_case(case)[::-1]
-    rows = [{"evidence": r.id, "tool": r.tool, "status": r.status, "summary": r.summary} for r in records]
-    shown = rows[cursor : cursor + limit]
-    rest = cursor + limit if cursor + limit < len(rows) else None
+def _found(app: App, case: str, searched: dict[str, Any], cursor: int, limit: int | None) -> Evidence:
+    """The records of a case that a search finds, a line each."""
+    interval = searched["interval"]
+    with explained():
+        page = app.store.evidence.search(
+            case,
+            tool=searched["tool"],
+            object=searched["object"],
+            interval=None if interval is None else (interval[0], interval[1]),
+            text=searched["text"],
+            cursor=f"ev-{cursor}" if cursor else None,
+            limit=MOST_FOUND if limit is None else limit,
+        )
+    rows = [{"evidence": r.id, "tool": r.tool, "status": r.status, "summary": r.summary} for r in page.records]
+    shown = rows if limit is not None else fitting(rows)
+    more = len(shown) < len(rows) or page.cursor is not None
     return Evidence(
         tool="ReadEvidence",
-        arguments={},
+        arguments={} if limit is None else {"limit": limit},
         case=case,
-        summary=f"{len(shown)} of {len(rows)} records, latest first{damage_note(app.store.evidence.damaged(case))}",
-        payload={"data": {"records": shown, "next_cursor": rest, "of": len(rows)}},
+        summary=f"{len(shown)} records, latest first{'; more from next_cursor on' if more else ''}"
+        f"{damage_note(list(page.damaged))}",
+        payload={"data": {"records": shown, "next_cursor": int(shown[-1]["evidence"][3:]) if more else None}},
     )
 
 
@@ -193,7 +230,10 @@ class Correction(BaseModel):
 def update_bindings(
     app: App,
     case: CaseId,
-    corrections: Annotated[list[Correction], Field(min_length=1, max_length=100, description="what to change")],
+    corrections: Annotated[
+        list[Correction],
+        Field(min_length=1, max_length=100, description="what to change", examples=[CORRECTIONS_EXAMPLE]),
+    ],
     reason: Annotated[str, Field(min_length=1, max_length=2000, description="what was seen that shows the change")],
 ) -> Answer:
     """Say which observed track and which object of the world a name in a question stands for, or correct it.
@@ -233,11 +273,11 @@ def finish(
         Field(max_length=100, description="ids of the results that decide the question"),
     ],
     answer: Annotated[
-        str | None, Field(max_length=4000, description="the answer; null where the evidence does not decide it")
+        str | None, Field(max_length=4000, description="null where the evidence does not decide it")
     ] = None,
     confidence: Annotated[float | None, Field(ge=0, le=1, description="how sure, 0 to 1")] = None,
     missing: Annotated[
-        str | None, Field(max_length=4000, description="for an unresolved question: what evidence is missing")
+        str | None, Field(max_length=4000, description="of an unresolved question: what evidence is missing")
     ] = None,
 ) -> Answer:
     """Record the answer to a question with the evidence it rests on. Every id must be a finished result of this

@@ -33,13 +33,13 @@ GROUP = ToolGroup("gap")
 KIND = "gap"  # of stored outcomes
 DOING = {"examine": "examining", "propose": "looking for what is missing in", "add": "adding an effect to"}
 
-WorldId = Annotated[str | None, Field(description="world id; default: the committed world, else the latest draft")]
+WorldId = Annotated[str | None, Field(description="world id; default: the committed, else the latest")]
 Fitted = Annotated[
     list[Annotated[str, Field(max_length=200)]] | None,
     Field(
         max_length=64,
-        description="parameter paths refitted together with every effect, e.g. objects.ball.restitution; default: "
-        "those that FitWorld fitted in this world; []: none, the world's numbers are known. Initial states always are",
+        description="parameter paths refitted too; default: those of FitWorld; []: none, the world's numbers are "
+        "known. Initial states always are",
     ),
 ]
 
@@ -56,9 +56,7 @@ def find_discrepancy(
     case: CaseId,
     world: WorldId = None,
     base: Fitted = None,
-    power: Annotated[
-        bool, Field(description="also list how strong each catalogued effect had to be to be seen in these data")
-    ] = False,
+    power: Annotated[bool, Field(description="also list how strong each effect had to be to be seen")] = False,
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:
     """Ask whether a world explains what was measured, to the noise. Initial states and the base parameters are
@@ -108,9 +106,9 @@ def propose_effects(
     max_effects: Annotated[int, Field(ge=1, le=3, description="most effects that may be missing at once")] = 3,
     time_limit: Annotated[
         float | None,
-        Field(gt=0.0, le=86400.0, description="end the search after so many seconds with the best verdict so far"),
+        Field(gt=0.0, le=86400.0, description="longest search [s]; it ends with the best verdict so far"),
     ] = None,
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="of the null control and the resampling of runs")] = 0,
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="random seed of null control and resampling")] = 0,
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:
     """Search the catalogue for what a world lacks: every contender is added, fitted together with initial states and
@@ -165,20 +163,16 @@ def propose_effects(
 def add_effect(
     app: App,
     case: CaseId,
-    proposal: Annotated[
-        str | None, Field(max_length=64, description="evidence id of ProposeEffects, whose fitted world is taken")
-    ] = None,
+    proposal: Annotated[str | None, Field(max_length=64, description="evidence id of ProposeEffects")] = None,
     hypothesis: Annotated[int, Field(ge=0, le=63, description="which of its proposals; 0 is the best")] = 0,
     effect: Annotated[
         EffectArgument | None,
         Field(
-            description="instead of a proposal: a law of the catalogue, or one of your own as an expression; its "
-            "parameters are fitted from the values given"
+            description="instead of a proposal: a law as of BuildWorld's effects. Its parameters are fitted from the "
+            "values given"
         ),
     ] = None,
-    world: Annotated[
-        str | None, Field(description="world that `effect` is added to; default: the latest draft")
-    ] = None,
+    world: Annotated[str | None, Field(description="that gets effect; default: the latest draft")] = None,
     base: Fitted = None,
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
@@ -34,8 +33,8 @@ from polyworld.world import World
 
 GROUP = ToolGroup("world experimentation")
 
-CaseId = Annotated[str, Field(description="case id, as OpenCase returned it")]
-RolloutId = Annotated[str, Field(description="rollout id, as Rollout returned it", pattern=r"^rollout-[0-9a-f]+$")]
+CaseId = Annotated[str, Field(description="case id")]
+RolloutId = Annotated[str, Field(description="rollout id", pattern=r"^rollout-[0-9a-f]+$")]
 Objects = Annotated[list[str] | None, Field(description="names of objects; default: all", max_length=64)]
 # Checked after names have been replaced, so that a name of a binding may be any text.
 Edit = Annotated[Any, WithJsonSchema(flat_schema(Intervention, "action"))]
@@ -79,29 +78,26 @@ def roll_out(
             description="changes made before the start, in order; all that was fitted is kept. Default: none, which "
             "continues the world as it was observed",
             max_length=32,
+            examples=[[EDIT_EXAMPLE, {"action": "set_velocity", "object": "blue", "velocity": [1, 0, 0]}]],
         ),
     ] = None,
     variants: Annotated[
         list[EditsOfOne] | None,
         Field(
-            description="several branches at once, each a list of edits of its own, instead of edits; [] is the world "
-            "as it is. data.variants has the result of each, in order, with its rollout id",
+            description="several branches at once: a list of edits for each, [] for none. data.variants has the result "
+            "of each, in order, with its rollout id",
             min_length=1,
             max_length=8,
         ),
     ] = None,
     horizon_seconds: Annotated[
-        float | None, Field(description="how far to run, from time 0 [s]; default: to the last observed frame", gt=0)
+        float | None, Field(description="time to run to, from 0 [s]; default: the last observed frame", gt=0)
     ] = None,
-    horizon_frames: Annotated[int | None, Field(description="the same in frames, instead of seconds", gt=0)] = None,
-    world: Annotated[
-        str, Field(description="'committed', or the id of a branch that an earlier Rollout made, to edit further")
-    ] = "committed",
+    horizon_frames: Annotated[int | None, Field(description="the same in frames", gt=0)] = None,
+    world: Annotated[str, Field(description="'committed', or the id of a branch, to edit further")] = "committed",
     sample_seconds: Annotated[
         float | None,
-        Field(
-            description="time between samples [s], finer than a frame for sharper thresholds; default: a frame", gt=0
-        ),
+        Field(description="time between samples [s]; default: a frame", gt=0),
     ] = None,
     ensemble: EnsembleSize = None,
 ) -> Answer | LongWork:
@@ -293,17 +289,15 @@ def read_events(
     objects: Annotated[
         list[str] | None, Field(description="objects or statics that take part; default: all", max_length=64)
     ] = None,
-    together: Annotated[
-        bool, Field(description="only events that all the given objects take part in, such as their collisions")
-    ] = False,
+    together: Annotated[bool, Field(description="only events of all these objects together")] = False,
     kinds: Annotated[
         list[Literal["contact_begin", "contact_end", "entry", "exit", "rest", "release"]] | None,
-        Field(description="kinds of events; release: a fastening let go or broke. Default: all", max_length=6),
+        Field(description="default: all; release: a fastening let go or broke", max_length=6),
     ] = None,
     interval: Seconds = None,
     frames: FrameRange = None,
     floor: Annotated[bool, Field(description="also touches of the floor that everything stands on")] = False,
-    limit: Annotated[int, Field(ge=1, le=500, description="how many events to return")] = 100,
+    limit: Annotated[int, Field(ge=1, le=500, description="how many events to return")] = 20,
     cursor: Annotated[int, Field(ge=0, description="first event to return")] = 0,
 ) -> Answer:
     """Every contact beginning (with the first step's impulse and approach speed) and ending (with the whole contact's
@@ -349,28 +343,27 @@ def read_trajectory(
     object: Annotated[str, Field(description="name of the object")],
     interval: Seconds = None,
     frames: FrameRange = None,
-    limit: Annotated[int, Field(ge=2, le=500, description="rows shown at most: every k-th sample, and the last")] = 24,
+    limit: Annotated[int, Field(ge=2, le=500, description="most rows: every k-th sample, and the last")] = 24,
     fields: Annotated[
         list[Column] | None,
         Field(
-            description="columns; x, y, z [m], vx, vy, vz, speed [m/s], yaw_deg: heading about the vertical, "
-            "u, v: pixel of the centre, ax, ay, az: acceleration [m/s^2]; of rigid objects px, py, pz: momentum "
-            "[kg m/s], kinetic_energy, potential_energy (0 at z = 0), energy: their sum [J]. Default: time, frame, "
-            "x, y, z, speed",
+            description="columns; default time, frame, x, y, z, speed. Also vx, vy, vz, speed [m/s], yaw_deg: heading "
+            "about the vertical, u, v: pixel of the centre, ax, ay, az: acceleration [m/s^2]; of rigid objects px, py, "
+            "pz: momentum [kg m/s], kinetic_energy, potential_energy (0 at z = 0), energy: their sum [J]",
             max_length=21,
         ),
     ] = None,
     readout: Annotated[
         Readout | None,
         Field(
-            description="of a rope, cloth, soft body or fluid: what to read instead of its centre, e.g. "
-            f"{json.dumps(READOUT_EXAMPLE)}. {READOUTS['description']}"
+            description="of a deformable object: what to read instead of its centre. " + READOUTS["description"],
+            examples=[READOUT_EXAMPLE],
         ),
     ] = None,
     nodes: Annotated[
         list[Annotated[int, Field(ge=0)]] | None,
         Field(
-            description="of a rope, cloth or soft body: nodes whose places to read; InspectWorld(fields=['nodes']) "
+            description="nodes of a rope, cloth or soft body to read; InspectWorld(fields=['nodes']) "
             "says where they start",
             min_length=1,
             max_length=64,

@@ -32,6 +32,7 @@ from polyworld.world import World
 from polyworld.world.parameter_tables import STATE_PARAMETERS
 
 GROUP = ToolGroup("world construction")
+PARAMETERS_EXAMPLE = [{"paths": ["objects.red.friction"], "lower": 0, "upper": 1}]
 RESTARTS = {"prefixes": 3, "cem": 1, "random_search": 1, "refine": 1}
 STATES = {path.rpartition(".")[0] for path in STATE_PARAMETERS}
 
@@ -44,75 +45,72 @@ def fit_world(
     method: Annotated[
         Literal["prefixes", "cem_refined", "cem", "random_search", "refine"] | None,
         Field(
-            description="prefixes: least squares over growing stretches, laws of resistance chosen by evidence; "
-            "default for spatial worlds of rigid bodies. cem_refined: short global searches (cross-entropy, cem) "
-            "from several seeds, each refined, the best kept; default elsewhere. refine: least squares from where the "
-            "world is; random_search: for comparison"
+            description="default: prefixes for spatial rigid worlds, else cem_refined. prefixes: least "
+            "squares over growing stretches, laws of resistance chosen by evidence; default for spatial worlds of "
+            "rigid bodies. cem_refined: short global searches (cross-entropy, cem) from several seeds, each refined, "
+            "the best kept; default elsewhere. refine: least squares from where the world is; random_search: for "
+            "comparison"
         ),
     ] = None,
-    fit_seconds_per_frame: Annotated[
-        bool, Field(description="also fit the physical time between frames, where the file's rate is not trusted")
-    ] = False,
-    fit_initial_states: Annotated[bool, Field(description="also fit where and how fast objects begin")] = True,
+    fit_seconds_per_frame: Annotated[bool, Field(description="also fit the physical time between frames")] = False,
+    fit_initial_states: Annotated[bool, Field(description="also fit positions and velocities at the start")] = True,
     each: Annotated[
         list[str] | None,
         Field(
             max_length=8,
-            description="physical parameters fitted for each object: mass, friction, restitution, "
-            "rolling_resistance, torsional_radius, linear_damping, angular_damping; "
-            "default friction, restitution and mass, with method prefixes also rolling_resistance of what can roll",
+            description="parameters of each object; default friction, restitution, mass. There are mass, "
+            "friction, restitution, rolling_resistance, torsional_radius, linear_damping, angular_damping; with method "
+            "prefixes also rolling_resistance of what can roll",
         ),
     ] = None,
     shared: Annotated[
         list[str] | None,
         Field(
             max_length=8,
-            description="physical parameters with one value for all objects; default linear_damping, angular_damping, "
-            "with method prefixes linear_damping and others where the evidence asks for them",
+            description="parameters common to all objects; default the dampings. These are linear_damping and "
+            "angular_damping; with method prefixes linear_damping and others where the evidence asks for them",
         ),
     ] = None,
     materials: Annotated[
         list[str] | None,
         Field(
             max_length=16,
-            description="parameters fitted for every observed deformable object that has them, e.g. youngs_modulus, "
-            "bending_stiffness, viscosity; default by material, with friction of pulleys and rates of emitters",
+            description="parameters of deformable objects, e.g. youngs_modulus; default by material, with friction of "
+            "pulleys and rates of emitters",
         ),
     ] = None,
     parameters: Annotated[
         list[ParameterArgument] | None,
-        Field(max_length=64, description="single parameters to add, to tie, to bound or to keep fixed"),
+        Field(max_length=64, description="single parameters to add, tie, bound or fix", examples=[PARAMETERS_EXAMPLE]),
     ] = None,
-    first_frame: Annotated[int | None, Field(ge=0, description="first frame used; default: the first tracked")] = None,
-    last_frame: Annotated[int | None, Field(ge=0, description="last frame used; default: the last tracked")] = None,
+    first_frame: Annotated[int | None, Field(ge=0, description="default: the first tracked")] = None,
+    last_frame: Annotated[int | None, Field(ge=0, description="default: the last tracked")] = None,
     holdout_from: Annotated[
         int | None,
-        Field(ge=1, description="frames from this one on are not fitted but used to judge the fit: give it to test it"),
+        Field(ge=1, description="first frame held out to judge the fit"),
     ] = None,
     generations: Annotated[
         int | None,
         Field(
             ge=1,
             le=2000,
-            description="generations of each search; default 60, for cem_refined 20, with deformable objects 12",
+            description="default 60; 20 for cem_refined, 12 with deformable objects",
         ),
     ] = None,
     population: Annotated[
-        int | None, Field(ge=8, le=4096, description="candidates a generation; default 64, with deformable objects 24")
+        int | None, Field(ge=8, le=4096, description="candidates a generation; default 64; with deformable objects 24")
     ] = None,
     restarts: Annotated[
         int | None,
         Field(
             ge=1,
             le=50,
-            description="independent searches with their own seeds, of which the best counts; default 1, for "
-            "cem_refined 5, with deformable objects 2, each refined; for prefixes 3 at most",
+            description="independent searches; default 1, for cem_refined 5. With deformable "
+            "objects 2, each refined; for prefixes 3 at most",
         ),
     ] = None,
-    position_tolerance: Annotated[
-        float, Field(ge=0, le=1e3, description="misfit the model is not asked to reproduce [m]")
-    ] = 0.0,
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="random seed; equal seeds give equal worlds")] = 0,
+    position_tolerance: Annotated[float, Field(ge=0, le=1e3, description="misfit that is not fitted [m]")] = 0.0,
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="random seed")] = 0,
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:
     """Search a world's unknown parameters until its simulated motion matches the observed motion. Returns a new world,

@@ -27,8 +27,8 @@ from polyworld.world.representations.rigid import RigidObject
 
 GROUP = ToolGroup("world inspection")
 
-CaseId = Annotated[str, Field(description="case id, as OpenCase returned it")]
-WorldId = Annotated[str | None, Field(description="world id; default: the committed world, else the latest draft")]
+CaseId = Annotated[str, Field(description="case id")]
+WorldId = Annotated[str | None, Field(description="world id; default: the committed, else the latest")]
 Objects = Annotated[list[str] | None, Field(description="names of objects; default: all", max_length=64)]
 
 LOOKS = ("shape", "color", "material", "representation")
@@ -105,9 +105,10 @@ def read_property(
     property: Annotated[
         str,
         Field(
-            description=f"an object's {', '.join((*SCALARS, *VECTORS, *LOOKS))}, for the objects given; of ropes, "
+            description="property of objects, or a path such as joints.door.friction. Properties: "
+            f"{', '.join((*SCALARS, *VECTORS, *LOOKS))}; of ropes, "
             f"cloth, soft bodies and fluids: {', '.join(SIZES)} and their own parameters (stretch_stiffness, "
-            "youngs_modulus, viscosity, ...); or a parameter path such as objects.red.friction, joints.door.friction, "
+            "youngs_modulus, viscosity, ...). Paths: objects.red.friction, joints.door.friction, "
             "environment.gravity.z, time.seconds_per_frame",
             min_length=1,
             max_length=200,

@@ -41,16 +41,14 @@ from polyworld.world import World
 
 GROUP = ToolGroup("world inspection")
 
-CaseId = Annotated[str, Field(description="case id, as OpenCase returned it")]
+CaseId = Annotated[str, Field(description="case id")]
 Objects = Annotated[list[str] | None, Field(description="names of objects; default: all", max_length=64)]
 Frames = Annotated[
     list[Annotated[int, Field(ge=0)]] | None,
-    Field(description="frame numbers, from 0; default: spread over the whole video", min_length=1, max_length=12),
+    Field(description="frame numbers, from 0; default: spread over the video", min_length=1, max_length=12),
 ]
-ObservationId = Annotated[
-    str | None, Field(description="id of an observation of the video, as OpenCase lists them; default: the latest")
-]
-Pictures = Annotated[int, Field(ge=1, le=12, description="how many pictures when frames are not given")]
+ObservationId = Annotated[str | None, Field(description="observation id, as OpenCase lists them; default: the latest")]
+Pictures = Annotated[int, Field(ge=1, le=12, description="how many, when frames are not given")]
 FILE_TIME = "times are the file's: BuildWorld(seconds_per_frame=...) or FitWorld gives physical ones"
 PATIENCE = 40.0  # [s]
 BORDER = 2  # [px] a mask this near to the image's edge touches it
@@ -63,18 +61,19 @@ def inspect_frames(
     frames: Frames = None,
     objects: Objects = None,
     pictures: Pictures = 6,
-    plain: Annotated[bool, Field(description="the frames as they are, without outlines and names")] = False,
+    plain: Annotated[bool, Field(description="without outlines and names")] = False,
     observation: ObservationId = None,
     crop: Annotated[
         list[Annotated[int, Field(ge=0, le=16384)]] | None,
-        Field(min_length=4, max_length=4, description="part of the frames to show: left, top, width, height [px]"),
+        Field(min_length=4, max_length=4, description="left, top, width, height [px]"),
     ] = None,
     zoom: Annotated[float | None, Field(gt=0, le=32, description="how many times as large; default: legible")] = None,
     residual: Annotated[
         bool,
         Field(
-            description="beside each frame: silhouettes filled, in yellow what is neither background, shadow nor an "
-            "object, and each object's confidence over time (white: frames in which it was outlined)"
+            description="beside each frame, what no object explains. It shows in yellow what is neither background, "
+            "shadow nor an object; silhouettes filled; each object's confidence over time (white: frames in which it "
+            "was outlined)"
         ),
     ] = False,
 ) -> Answer | LongWork:
@@ -191,7 +190,7 @@ def inspect_observed_motion(
     quantities: Annotated[
         list[Quantity] | None,
         Field(
-            description="what to derive from the measured positions, each value with a 90% interval; momentum and "
+            description="what to derive from the positions, with 90% intervals; momentum and "
             "energies take the mass from the case's world. Default: none",
             min_length=1,
             max_length=8,
@@ -272,9 +271,7 @@ def inspect_rollout(
     app: App,
     case: CaseId,
     rollout: Annotated[str | None, Field(description="rollout id; default: the world below, over the video")] = None,
-    world: Annotated[
-        str | None, Field(description="world id, to look at before it is committed; default: committed, else latest")
-    ] = None,
+    world: Annotated[str | None, Field(description="world id; default: the committed, else the latest")] = None,
     frames: Annotated[
         list[Annotated[int, Field(ge=0)]] | None,
         Field(description="frame numbers; default: spread over the interval", min_length=1, max_length=12),
@@ -285,7 +282,7 @@ def inspect_rollout(
     background: Annotated[
         Literal["auto", "video", "rendered"],
         Field(
-            description="video: drawn over the real frames; rendered: a picture of the simulated world. auto: video "
+            description="video: real frames; rendered: the simulated world. auto: video "
             "where the world should follow it, rendered for branches and beyond the video"
         ),
     ] = "auto",

@@ -55,11 +55,11 @@ def import_observation(
     kind: Annotated[
         Literal["tracks", "recording", "points", "series", "masks", "camera", "depth", "mesh"],
         Field(
-            description="tracks: positions in the world (CSV with columns frame or t, object, x, y and optionally z, "
-            "qw..qz or yaw, confidence, sigma; JSON; npz; CLEVRER annotation). recording: measured motion in one or "
-            "several runs, which the gap tools use (CSV with columns run, object, t or frame, x, y, z and optionally "
-            "qw..qz, spins wx..wz, or theta of a body on a hinge; headers may state units, as in x [mm]; cells not "
-            "measured are empty). points: of deformable objects (CSV with "
+            description="what it holds. tracks: positions in the world (CSV with columns frame or t, object, x, y and "
+            "optionally z, qw..qz or yaw, confidence, sigma; JSON; npz; CLEVRER annotation). recording: measured "
+            "motion in one or several runs, which the gap tools use (CSV with columns run, object, t or frame, x, y, z "
+            "and optionally qw..qz, spins wx..wz, or theta of a body on a hinge; headers may state units, as in x "
+            "[mm]; cells not measured are empty). points: of deformable objects (CSV with "
             "frame or t, object, point, x, y and optionally z, confidence, sigma). series: numbers over time (CSV with "
             "frame or t, object, quantity, value, sigma; quantity: amount with a column container, height, front_x..z, "
             "tension). masks: of the video (folder of PNGs, "
@@ -67,28 +67,26 @@ def import_observation(
         ),
     ],
     path: Annotated[str, Field(min_length=1, max_length=4096, description="file or folder on the server's machine")],
-    seconds_per_frame: Annotated[
-        float | None, Field(gt=0, le=1e4, description="of files that count frames without times [s]")
-    ] = None,
+    seconds_per_frame: Annotated[float | None, Field(gt=0, le=1e4, description="of files without times [s]")] = None,
     position_sigma: Annotated[
-        float | None, Field(gt=0, le=1e3, description="accuracy of tracks that state none [m]; default 0.01")
+        float | None, Field(gt=0, le=1e3, description="of tracks that state none [m]; default 0.01")
     ] = None,
     metres_per_unit: Annotated[
-        float | None, Field(gt=0, le=1e3, description="what one unit of a depth map is [m]; 0.001 for millimetres")
+        float | None, Field(gt=0, le=1e3, description="unit of a depth map [m]; 0.001 for millimetres")
     ] = None,
     scale: Annotated[float, Field(gt=0, le=1e6, description="metres in one unit of a mesh file")] = 1.0,
     points_are: Annotated[
         Literal["markers", "centreline"],
-        Field(description="points: marks on the material, or points numbered along a rope from end to end"),
+        Field(description="points: marks on the material, or along a rope"),
     ] = "markers",
     value_sigma: Annotated[
-        float | None, Field(gt=0, le=1e6, description="accuracy of series that state none, in their own unit")
+        float | None, Field(gt=0, le=1e6, description="of series that state none, in their unit")
     ] = None,
     sealed_runs: Annotated[
         list[Annotated[str, Field(max_length=200)]] | None,
         Field(
             max_length=1000,
-            description="runs of a recording that no fit and no search may see, on which AddEffect shows what an "
+            description="runs held out from every fit and search. On them AddEffect shows what an "
             "effect is worth; default: the last quarter of the runs, or of a single run's time; []: none",
         ),
     ] = None,
@@ -220,6 +218,9 @@ class PointArgument(Argument):
     pixel: Pixel = Field(description="u to the right, v down [px]")
 
 
+LENGTH_EXAMPLE = {"first_pixel": [40, 200], "second_pixel": [340, 200], "length": 1.5, "view": "side"}
+
+
 class LengthArgument(Argument):
     """A known length in the plane of motion, seen from the side or from above without perspective."""
 
@@ -248,21 +249,22 @@ def calibrate_camera(
         Field(
             min_length=4,
             max_length=200,
-            description="known points: at least 4 in one plane with no three in a line, or 6 in space",
+            description="4 or more known points in a plane, or 6 in space; no three in a line",
+            examples=[[{"world": [0.5, 0.35, 0], "pixel": [391, 97]}]],
         ),
     ] = None,
     homography: Annotated[
-        Matrix | Unread | None, Field(description="3 x 3 map of (x, y, 1) in the plane z = plane_z [m] to pixels")
+        Matrix | Unread | None, Field(description="3 x 3 map of (x, y, 1) at z = plane_z [m] to pixels")
     ] = None,
     plane_z: Annotated[float, Field(ge=-1e4, le=1e4, description="height of the homography's plane [m]")] = 0.0,
-    known_length: Annotated[LengthArgument | None, Field(description="one known length, for a flat view")] = None,
-    camera: Annotated[CameraArgument | None, Field(description="the camera itself, where it is known")] = None,
-    intrinsics: Annotated[
-        Matrix | None, Field(description="K, where it is known, to go with points or a homography")
+    known_length: Annotated[
+        LengthArgument | None, Field(description="one known length [m], for a flat view", examples=[LENGTH_EXAMPLE])
     ] = None,
+    camera: Annotated[CameraArgument | None, Field(description="the camera, where it is known")] = None,
+    intrinsics: Annotated[Matrix | None, Field(description="K, to go with points or a homography")] = None,
     image_size: Annotated[
         list[Annotated[int, Field(gt=0, le=16384)]] | None,
-        Field(min_length=2, max_length=2, description="width, height [px]; only for a case without a video"),
+        Field(min_length=2, max_length=2, description="width, height [px]; without a video"),
     ] = None,
 ) -> Answer:
     """Set how the image maps to the world, by exactly one of points, homography, known_length or camera. Returns the

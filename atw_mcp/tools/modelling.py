@@ -36,23 +36,24 @@ GROUP = ToolGroup("world construction")
 )
 def model_video_tool(
     app: App,
-    video: Annotated[
-        str | None, Field(description="path of a video on the server's machine, opened as a case; or give case")
-    ] = None,
-    case: Annotated[
-        str | None, Field(description="case id: goes on with what was observed and calibrated in it")
-    ] = None,
+    video: Annotated[str | None, Field(description="path of a video on the server's machine; or give case")] = None,
+    case: Annotated[str | None, Field(description="case id, to go on with it")] = None,
     name: Annotated[
         str | None,
-        Field(description="id of the case that video opens", pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$"),
+        Field(description="id for the case", pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$"),
     ] = None,
     objects: Annotated[
         list[KnownObject] | None,
-        Field(min_length=1, max_length=64, description="every object of the scene; default: all that is observed"),
+        Field(
+            min_length=1,
+            max_length=64,
+            description="all objects of the scene; default: those observed",
+            examples=[[{"name": "red_ball", "shape": {"kind": "sphere", "radius": 0.05}}]],
+        ),
     ] = None,
     unlisted: Annotated[
         Literal["leave_out", "model"],
-        Field(description="what to do with tracks that fit none of objects; they are named in the result"),
+        Field(description="tracks that fit no object; the result names them"),
     ] = "leave_out",
     points: Annotated[
         list[PointArgument] | None,
@@ -68,7 +69,7 @@ def model_video_tool(
     motion_plane: Annotated[
         PlaneArgument | None,
         Field(
-            description="plane of motion, where it is neither the floor nor a side view's; objects of given size that "
+            description="plane of motion, where not the floor or a side view's. Objects of given size that "
             "fly, bounce or move on obstacles need none"
         ),
     ] = None,
@@ -83,11 +84,11 @@ def model_video_tool(
     ] = None,
     calibrate: Annotated[
         dict[str, Any] | None,
-        Field(description="further arguments of CalibrateCamera, e.g. {'homography': [[..]], 'plane_z': 0.2}"),
+        Field(description="further arguments of CalibrateCamera, e.g. {'plane_z': 0.2}"),
     ] = None,
     build: Annotated[
         dict[str, Any] | None,
-        Field(description="further arguments of BuildWorld, e.g. {'walls': [..], 'effects': [..], 'parts': [..]}"),
+        Field(description="further arguments of BuildWorld, e.g. {'walls': [..], 'parts': [..]}"),
     ] = None,
     fit: Annotated[
         dict[str, Any] | None,

@@ -56,13 +56,14 @@ class ModelledObject(Argument):
 def run_model(
     app: App,
     model: Annotated[str | None, Field(max_length=200, description="its name; without it, models are listed")] = None,
-    case: Annotated[str | None, Field(description="case id, as OpenCase returned it")] = None,
+    case: Annotated[str | None, Field(description="case id")] = None,
     prompts: Annotated[
         list[PromptArgument] | None,
         Field(
             min_length=1,
             max_length=200,
             description="segmentation: the objects to follow; default: those observed, by their boxes",
+            examples=[[{"object": "red_ball", "frame": 0, "positive": [[120, 80]]}]],
         ),
     ] = None,
     objects: Annotated[
@@ -72,8 +73,8 @@ def run_model(
     use: Annotated[
         Literal["model", "agreement", "report"],
         Field(
-            description="model: the result becomes the case's latest. agreement (masks): each object from whichever of "
-            "model and latest observation is steadier and stands out more. report: compare only"
+            description="what becomes the case's latest observation. model: the result. agreement (masks): each object "
+            "from whichever of model and latest observation is steadier and stands out more. report: compare only"
         ),
     ] = "model",
     stride: Annotated[int, Field(ge=1, le=100, description="look at every n-th frame")] = 1,

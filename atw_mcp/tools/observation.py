@@ -94,7 +94,7 @@ def observe_objects(
         list[Annotated[str, Field(min_length=1, max_length=100)]] | None,
         Field(
             max_length=64,
-            description="descriptions, e.g. 'blue metal sphere': objects that fit get it as name, the rest are named",
+            description="descriptions, used as names, e.g. 'blue metal sphere'",
         ),
     ] = None,
     known: Annotated[
@@ -102,19 +102,17 @@ def observe_objects(
         Field(
             min_length=1,
             max_length=64,
-            description="objects as of ModelVideo, with color and shape, to look for at the size the camera gives, "
-            "and for nothing else",
+            description="objects as of ModelVideo: nothing else is looked for. They need color and shape; their size "
+            "in the image is the camera's",
         ),
     ] = None,
     obstacles: Annotated[
         list[dict[str, Any]] | None,
-        Field(max_length=64, description="as of BuildWorld, behind which known objects may be hidden"),
+        Field(max_length=64, description="as of BuildWorld; known objects may be behind them"),
     ] = None,
-    floor: Annotated[float, Field(description="z of the floor on which known objects rest [m]")] = 0.0,
+    floor: Annotated[float, Field(description="z of the floor under known objects [m]")] = 0.0,
     max_objects: Annotated[int, Field(ge=1, le=200, description="most objects to follow")] = 20,
-    min_area: Annotated[
-        int | None, Field(ge=4, le=10_000_000, description="smallest region taken for an object [px]")
-    ] = None,
+    min_area: Annotated[int | None, Field(ge=4, le=10_000_000, description="smallest region of an object [px]")] = None,
     stride: Annotated[int, Field(ge=1, le=100, description="look at every n-th frame")] = 1,
     corrections: Annotated[
         list[CorrectionArgument] | None,
@@ -123,6 +121,7 @@ def observe_objects(
             max_length=50,
             description="what is wrong in the observation, as InspectFrames shows it. Outlines, places, regions and "
             "rests are kept: no later correction alters them. Other arguments but observation do not matter",
+            examples=[[{"kind": "merge", "first": "red_ball", "second": "object_3"}]],
         ),
     ] = None,
     deformable: Annotated[
@@ -130,15 +129,16 @@ def observe_objects(
         Field(
             min_length=1,
             max_length=32,
-            description="which objects of the observation are ropes, cloth, soft bodies or fluids: their shapes "
-            "are measured from their masks, for BuildWorld and FitWorld. Other arguments but observation do not matter",
+            description="observed objects that are ropes, cloth, soft bodies or fluids. Their shapes are measured "
+            "from their masks, for BuildWorld and FitWorld. Other arguments but observation do not matter",
+            examples=[[{"object": "cord", "kind": "rope"}]],
         ),
     ] = None,
     observation: Annotated[
         str | None,
         Field(
-            description="id of the observation that corrections or deformable are about; default: the latest. Alone: "
-            "makes that earlier observation the case's latest again"
+            description="observation id these are about; default: the latest. Alone: makes "
+            "that earlier observation the case's latest again"
         ),
     ] = None,
     patience_seconds: Patience = 40.0,

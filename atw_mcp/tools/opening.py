@@ -21,15 +21,13 @@ GROUP = ToolGroup("world construction")
 @GROUP.tool("OpenCase", title="Open a case", read_only=False, files=True, returns=OpenedCase | CaseList)
 def open_case(
     app: App,
-    video: Annotated[str | None, Field(description="path of a video file on the server's machine")] = None,
-    data: Annotated[
-        str | None, Field(description="path of a measured data file (CSV, JSON, npz), for a case without a video")
-    ] = None,
-    case: Annotated[str | None, Field(description="id of a case that exists, to continue it")] = None,
+    video: Annotated[str | None, Field(description="path on the server's machine")] = None,
+    data: Annotated[str | None, Field(description="path of measured data (CSV, JSON, npz), instead of a video")] = None,
+    case: Annotated[str | None, Field(description="case id, to continue it")] = None,
     name: Annotated[
         str | None,
         Field(
-            description="id to give the case; a new name opens the same file again as an independent case",
+            description="id for the case; a new one opens the file again, independently",
             pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$",
         ),
     ] = None,

@@ -72,26 +72,24 @@ def query_world(
     rollout: RolloutId,
     predicate: Annotated[
         Statement | None,
-        Field(description=f"what to decide, e.g. {json.dumps(STATEMENT_EXAMPLE)}. " + STATEMENTS["description"]),
+        Field(description="what to decide. " + STATEMENTS["description"], examples=[STATEMENT_EXAMPLE]),
     ] = None,
     predicates: Annotated[
         list[OneOfSeveral] | None,
         Field(
-            description="several of them at once, instead of predicate; each is answered, and how often all hold",
+            description="several at once, instead of predicate. Each is answered, and how often all hold",
             min_length=1,
             max_length=16,
         ),
     ] = None,
     aggregation: Annotated[
         Aggregation,
-        Field(
-            description="any: ever; all: throughout; first, last: when; count: how often; fraction: share of the time"
-        ),
+        Field(description="any: ever; all: throughout; first, last: when; count: how often; fraction: of the time"),
     ] = "any",
     interval: Annotated[
         list[float] | None,
         Field(
-            description="[start, end] in seconds; default: from when all the objects named take part to the end",
+            description="[start, end] in seconds; default: while all objects named take part",
             min_length=2,
             max_length=2,
         ),
@@ -271,12 +269,10 @@ def _how_near(answer: QueryResult) -> str:
 @GROUP.tool("CompareWorlds", title="Compare two rollouts", returns=ComparedRollouts)
 def compare_worlds(
     app: App,
-    base: Annotated[RolloutId, Field(description="rollout id of the world as it was, or any other")],
+    base: Annotated[RolloutId, Field(description="rollout id to compare with")],
     edited: Annotated[RolloutId, Field(description="rollout id of the changed world")],
     objects: Objects = None,
-    tolerance: Annotated[
-        float, Field(gt=0, description="distance from which an object counts as moving differently [m]")
-    ] = 0.01,
+    tolerance: Annotated[float, Field(gt=0, description="distance that counts as a difference [m]")] = 0.01,
     ensemble: EnsembleSize = None,
 ) -> Answer | LongWork:
     """Compare two rollouts: how far each object ends up from where it would have been and from when on (of ropes,

@@ -21,10 +21,15 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$")]
 Point = Annotated[list[float], Field(min_length=3, max_length=3)]
 Pixel = Annotated[list[float], Field(min_length=2, max_length=2)]
 Length = Annotated[float, Field(gt=0, le=1e4)]
-CaseId = Annotated[str, Field(description="case id, as OpenCase returned it")]
+CaseId = Annotated[str, Field(description="case id")]
 Patience = Annotated[
     float,
-    Field(ge=0, le=3600, description="seconds to wait for the result before it is returned as still running"),
+    Field(
+        ge=0,
+        le=3600,
+        description="longest wait for the result [s]; after it the status is running and ReadEvidence returns the "
+        "result",
+    ),
 ]
 Meshes = Callable[[str], tuple[NDArray[np.float64], NDArray[np.int64]]]
 PartArgument = Annotated[Any, WithJsonSchema(parts_schema())]

@@ -27,10 +27,17 @@ class Session:
 
         return anyio.run(call)
 
-    def __call__(self, tool: str, /, **arguments: Any) -> dict[str, Any]:
+    def shown(self, tool: str, /, **arguments: Any) -> dict[str, Any]:
+        """The result as an agent is shown it."""
         result = self._call(tool, arguments)
         assert not result.is_error, result.content[0].text
         body: dict[str, Any] = json.loads(result.content[0].text)
+        return body
+
+    def __call__(self, tool: str, /, **arguments: Any) -> dict[str, Any]:
+        body = self.shown(tool, **arguments)
+        if "shortened" in body and tool != "ReadEvidence":  # an agent that wants it all reads it again
+            return self("ReadEvidence", evidence=body["evidence"], detail="full")
         return body
 
     def refused(self, tool: str, /, **arguments: Any) -> str:

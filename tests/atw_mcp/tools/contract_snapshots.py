@@ -1,4 +1,4 @@
-"""One JSON file a tool under `contracts/`: what a client sees of it. Regenerated, as are manifest and README table, by
+"""One JSON file a tool under `contracts/`: its full declaration. Regenerated, as are manifest and README table, by
 
     uv run python -m tests.atw_mcp.tools.contract_snapshots
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import anyio
-from mcp import Client
+from mcp_types import Tool
 
 from atw_mcp.server import build_server
 from atw_mcp.tools import manifest
@@ -22,16 +22,14 @@ from tests.atw_mcp.tools import readme_table
 FOLDER = Path(__file__).parent / "contracts"
 
 
-def served_contracts() -> dict[str, dict[str, Any]]:
-    """Every tool as a client lists it, by name."""
+def full_contracts() -> dict[str, dict[str, Any]]:
+    """Every tool in full, by name."""
 
-    async def listed() -> dict[str, dict[str, Any]]:
+    async def listed() -> list[Tool]:
         with tempfile.TemporaryDirectory() as folder:
-            async with Client(build_server(Path(folder) / "atw.db")) as client:
-                tools = (await client.list_tools()).tools
-        return {t.name: t.model_dump(mode="json", by_alias=True, exclude_none=True) for t in tools}
+            return await build_server(Path(folder) / "atw.db").full_tools()
 
-    return anyio.run(listed)
+    return {t.name: t.model_dump(mode="json", by_alias=True, exclude_none=True) for t in anyio.run(listed)}
 
 
 def write() -> None:
@@ -41,7 +39,7 @@ def write() -> None:
     FOLDER.mkdir(exist_ok=True)
     for old in FOLDER.glob("*.json"):
         old.unlink()
-    for name, contract in served_contracts().items():
+    for name, contract in full_contracts().items():
         (FOLDER / f"{name}.json").write_text(json.dumps(contract, indent=1, sort_keys=True) + "\n", encoding="utf-8")
 
 

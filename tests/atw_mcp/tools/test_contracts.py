@@ -1,4 +1,4 @@
-"""What clients see of the tools: as agreed, as clients need it, and as an agent can read it."""
+"""The full declarations of the tools: as agreed, as clients need them, and as an agent can read them."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from tests.atw_mcp.tools.contract_snapshots import FOLDER, served_contracts
+from tests.atw_mcp.tools.contract_snapshots import FOLDER, full_contracts
 
-CONTRACTS = served_contracts()
+CONTRACTS = full_contracts()
 NAMES = {
     "OpenCase", "ObserveObjects", "ImportObservation", "CalibrateCamera", "BuildWorld", "FitWorld", "CommitWorld",
     "ModelVideo", "RunModel",
@@ -80,7 +80,3 @@ def test_names_and_annotations_suit_clients(name: str) -> None:
     assert contract["title"]
     assert contract["annotations"]["destructiveHint"] is False
     assert ("outputSchema" in contract) == (name not in PICTURES)
-
-
-def test_the_whole_list_leaves_an_agent_room() -> None:
-    assert len(json.dumps(list(CONTRACTS.values()))) < 400_000

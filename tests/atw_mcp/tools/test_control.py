@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import anyio
 import pytest
@@ -66,16 +67,41 @@ def test_a_long_result_is_cut_and_its_whole_is_linked(session: Session, tmp_path
     rows = [f"{frame},{frame * 0.04},ball_{n:03d},{n},0,0.1" for n in range(400) for frame in (0, 1)]
     path.write_text("frame,t,object,x,y,z\n" + "\n".join(rows) + "\n")
     case = session("OpenCase", data=str(path))["case"]
-    result = session("ImportObservation", case=case, kind="tracks", path=str(path))
-    assert len(json.dumps(result["data"])) <= 1.2 * ROOM
+    result = session.shown("ImportObservation", case=case, kind="tracks", path=str(path))
+    assert len(json.dumps(result, separators=(",", ":"))) <= 1.2 * ROOM
     cut = next(entry for entry in result["shortened"] if entry["path"] == "objects")
     assert cut["shown"] < cut["of"] == 400
+    full = session("ReadEvidence", evidence=result["evidence"], detail="full")
+    assert len(full["data"]["objects"]) > 3 * cut["shown"]
+    rest = session("ReadEvidence", evidence=result["evidence"], path="objects", fields=["name"], cursor=cut["shown"])
+    assert rest["data"]["value"][0] == {"name": f"ball_{cut['shown']:03d}"}
+    assert rest["data"]["next_cursor"] == cut["shown"] + len(rest["data"]["value"]) < 400
+    assert "fields: name" in session.refused(
+        "ReadEvidence", evidence=result["evidence"], path="objects", fields=["colour"]
+    )
 
     async def whole() -> str:
         async with Client(session.server) as client:
             return str((await client.read_resource(result["resource"])).contents[0].text)
 
     assert len(json.loads(anyio.run(whole))["data"]["objects"]) == 400
+
+
+def test_the_evidence_of_a_case_is_searched(session: Session, case: str) -> None:
+    def found(**asked: Any) -> list[str]:
+        return [row["tool"] for row in session("ReadEvidence", case=case, **asked)["data"]["records"]]
+
+    assert found(tool="BuildWorld") == ["BuildWorld"]
+    assert found(object="puck") == ["BuildWorld", "ImportObservation"]
+    assert found(object="nothing") == []
+    assert found(text="does it stop") == ["OpenCase"]
+    assert found(interval=[1e6, 2e6]) == []
+    first = session("ReadEvidence", case=case, limit=2)["data"]
+    rest = session("ReadEvidence", case=case, limit=2, cursor=first["next_cursor"])["data"]
+    assert [row["tool"] for row in rest["records"]] == ["OpenCase"]
+    assert rest["next_cursor"] is None
+    assert "leave evidence out" in session.refused("ReadEvidence", evidence="ev-1", text="stop")
+    assert "start <= end" in session.refused("ReadEvidence", case=case, interval=[2, 1])
 
 
 def test_bindings_are_corrected_and_kept(session: Session, case: str) -> None:
