@@ -103,7 +103,8 @@ def left_in_order(store: Path) -> None:
     assert EvidenceStore(store).evidence.get("ev-1").status in ("cancelled", "failed")
 
 
-@pytest.mark.parametrize("modern", [True, False])
+# Lines are answered before the era matters, so the default run pays for one process.
+@pytest.mark.parametrize("modern", [True, pytest.param(False, marks=pytest.mark.benchmark)])
 def test_a_line_that_is_no_message_is_answered_and_the_server_goes_on(store: Path, modern: bool) -> None:
     with pipes(store, modern=modern) as server:
         for line, code, identifier in (
