@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy  # whose parts load when they are first used
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar, nnls
 
 from polyworld.probing.point_approach import point_gaps
 from polyworld.solver.planar.scene import Outline, body_outline, static_outline
@@ -95,7 +95,8 @@ def closest_approach(
     when = float(grid[at])
     for low, high in ((at - 1, at), (at, at + 1)):
         if best > 0.0 and low >= 0 and high < len(grid):
-            found = minimize_scalar(gap, bounds=(grid[low], grid[high]), method="bounded", options={"xatol": 1e-9})
+            ends = (grid[low], grid[high])
+            found = scipy.optimize.minimize_scalar(gap, bounds=ends, method="bounded", options={"xatol": 1e-9})
             if found.fun < best:
                 best, when = float(found.fun), float(found.x)
     return ClosestApproach(float(best), when, b)
@@ -312,7 +313,8 @@ def _distance(a: _Solid, b: _Solid) -> float:
             return distance
         found.append(point)
         columns = np.stack(found, axis=1)
-        weights, _ = nnls(np.vstack([columns, np.ones(len(found))]), np.append(np.zeros(len(point)), 1.0))
+        rows = np.vstack([columns, np.ones(len(found))])
+        weights, _ = scipy.optimize.nnls(rows, np.append(np.zeros(len(point)), 1.0))
         found = [p for p, weight in zip(found, weights, strict=True) if weight > 0]
         nearest = columns @ (weights / weights.sum())
     return float(np.linalg.norm(nearest))

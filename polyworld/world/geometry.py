@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from polyworld.world import MotionPlane
 from polyworld.world.shapes import Box, Capsule, Compound, ConvexMesh, Cylinder, Sphere, Wall
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = NDArray[np.float64]
 ConvexShape = Sphere | Box | Cylinder | Capsule | ConvexMesh
@@ -31,6 +34,8 @@ class MassProperties:
 @lru_cache(maxsize=512)
 def hull(shape: ConvexMesh) -> trimesh.Trimesh:
     """Convex hull with outward faces, moved so that its centre of mass is the origin."""
+    import trimesh  # slow to import, and only hulls and meshes need it
+
     solid: trimesh.Trimesh = trimesh.convex.convex_hull(np.asarray(shape.vertices, dtype=float))
     solid.apply_translation(-solid.center_mass)
     return solid
@@ -38,6 +43,8 @@ def hull(shape: ConvexMesh) -> trimesh.Trimesh:
 
 def surface_mesh(shape: ConvexShape) -> trimesh.Trimesh:
     """Return the surface of a convex shape about its origin [m]."""
+    import trimesh
+
     mesh: trimesh.Trimesh
     if isinstance(shape, ConvexMesh):
         return hull(shape)

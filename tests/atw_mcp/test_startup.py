@@ -7,6 +7,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+from mcp.server.mcpserver.exceptions import ToolError
+
 from atw_mcp.calls.deferred import DeferredTool
 from atw_mcp.demo.truth import FOLDER
 from atw_mcp.server import all_tools
@@ -37,6 +40,12 @@ CLIENT = """
 import json, sys
 from atw_mcp.cli import main
 assert main(["call", "OpenCase", "--store", sys.argv[1]]) == 0
+print(json.dumps(sorted(sys.modules)))
+"""
+
+ENGINE = """
+import json, sys
+import polyworld
 print(json.dumps(sorted(sys.modules)))
 """
 
@@ -82,6 +91,12 @@ def test_a_client_loads_neither_server_nor_engine(tmp_path: Path) -> None:
     assert not loaded & {*HEAVY, "numpy", "evidence_store", "atw_mcp.server", "atw_mcp.calls.toolbox"}
 
 
+def test_the_engine_loads_neither_meshers_nor_optimizers() -> None:
+    loaded = imports_of(ENGINE)
+    assert "polyworld.solver.rollout" in loaded
+    assert not loaded & {"trimesh", "scipy.optimize", "scipy.stats", "scipy.ndimage", "matplotlib"}
+
+
 def test_the_command_line_reads_commands_with_the_standard_library_alone() -> None:
     loaded = imports_of(COMMAND_LINE)
     assert not loaded & {*HEAVY, "numpy", "mcp", "anyio", "pydantic", "evidence_store", "platformdirs"}
@@ -107,3 +122,9 @@ def test_a_listed_tool_is_the_declared_one() -> None:
         declared.output_schema,
         declared.annotations,
     )
+
+
+def test_a_tool_that_cannot_be_imported_is_refused_and_named() -> None:
+    entry = {**manifest.entries()[0], "module": "atw_mcp.tools.missing"}
+    with pytest.raises(ToolError, match=r"OpenCase cannot be used: .*atw_mcp\.tools\.missing"):
+        DeferredTool.from_entry(entry).checked({})

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import trimesh
 import warp as wp
 from numpy.typing import NDArray
 
@@ -106,6 +105,8 @@ class _Table:
         self._append(row, -1, np.zeros(3), np.eye(3))
 
     def add_mesh(self, shape: TriangleMesh, position: Array, rotation: Array) -> None:
+        import trimesh  # slow to import, and few fluids need it
+
         points = np.asarray(shape.vertices, dtype=np.float32)
         mesh = wp.Mesh(
             points=buffers.array(points, wp.vec3),

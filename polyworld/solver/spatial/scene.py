@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 import warp as wp
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -17,6 +16,9 @@ from polyworld.model import Model
 from polyworld.solver.spatial import layout
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.shapes import Box, Capsule, Compound, Cylinder, Plane, Sphere, TriangleMesh, Wall
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = NDArray[np.float64]
 
