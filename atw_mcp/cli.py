@@ -16,6 +16,7 @@ from pathlib import Path
 from atw_mcp import client_configuration, server_process, store_commands
 from atw_mcp.allowed_paths import add_allow, allowed_here
 from atw_mcp.calls.spelling import did_you_mean
+from atw_mcp.calls.toolsets import Selection, add_selection
 from atw_mcp.gap import command as gap_command
 from atw_mcp.printing import print_reply, tool_line
 from atw_mcp.replies import ServerLost
@@ -96,6 +97,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_store(serve)
     add_allow(serve)
+    add_selection(serve)
     serve.set_defaults(command=_serve)
 
     tools = commands.add_parser("tools", help="list the tools, or describe one")
@@ -194,8 +196,9 @@ def _serve(options: argparse.Namespace) -> int:
 
         return serve_http(options, build_server, options.store or default_store())
     try:
-        server = build_server(options.store, allow=options.allow)
-    except StoreError as error:
+        selection = Selection.of(options.toolsets, options.read_only)
+        server = build_server(options.store, allow=options.allow, selection=selection)
+    except (StoreError, ValueError) as error:
         print(f"atw-mcp: {error}", file=sys.stderr)
         return FAILED
     if sys.stdin.isatty():

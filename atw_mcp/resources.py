@@ -217,9 +217,9 @@ def _register_schemas(server: MCPServer[Any], app: App) -> None:
         mime_type=JSON,
     )
     def tool_schema(tool: str) -> str:
-        found = next((known for known in app.tools if known.name == tool), None)
+        found = next((known for known in app.served if known.name == tool), None)
         if found is None:
-            raise ResourceNotFoundError(f"no tool {tool!r}; tools: {', '.join(t.name for t in app.tools)}")
+            raise ResourceNotFoundError(f"no tool {tool!r}; tools: {', '.join(t.name for t in app.served)}")
         return _json(
             {
                 "name": found.name,

@@ -58,21 +58,12 @@ from atw_mcp.calls.files import allowed_folders
 from atw_mcp.calls.prompting import PromptServer, add_prompts
 from atw_mcp.calls.tasks import TasksExtension
 from atw_mcp.calls.toolbox import ToolGroup, WorldTool
+from atw_mcp.calls.toolsets import ALL, Selection, instructions
 from atw_mcp.tools import manifest
 from atw_mcp.version import installed_version
 
 GROUPS: tuple[ToolGroup, ...] = ()
 """Tools that are served beside those of the manifest: tests add theirs."""
-
-INSTRUCTIONS = """\
-Answer physical questions about a video by building a small executable world that behaves like it, then \
-experimenting on that world. World Modeling: OpenCase, ObserveObjects, CalibrateCamera, BuildWorld, FitWorld, \
-look at InspectFrames and InspectRollout, CommitWorld. Where the objects and the camera are known, ModelVideo makes \
-all these steps up to FitWorld in one call. Where the fitted world still disagrees with the data: \
-FindDiscrepancy, ProposeEffects, AddEffect. World Probing: Rollout (with interventions), ReadEvents, \
-CompareWorlds, QueryWorld, then Finish with the evidence ids that decide the question. SI units, z up; \
-frames are numbered from 0. The list of tools is in short form: DescribeTool(tool, argument) and the \
-resource atw://schema/tools/TOOL give every field, unit and bound, and the form of the result."""
 
 
 def default_store() -> Path:
@@ -81,7 +72,9 @@ def default_store() -> Path:
 
 
 class WorldServer(PromptServer):
-    """The server; a call of a tool that does not exist raises an error that lists those that do."""
+    """The server; refusals name the tools there are, and how to get those that are not served."""
+
+    world_app: App
 
     async def list_tools(self) -> list[ListedTool]:
         """Every tool in its short form."""
@@ -111,17 +104,24 @@ class WorldServer(PromptServer):
         if name not in names:
             close = difflib.get_close_matches(name, names, n=1)
             hint = f" (did you mean {close[0]}?)" if close else ""
-            raise ToolError(f"no tool {name!r}{hint}; tools: {', '.join(names)}")
-        return await super().call_tool(name, arguments, context)
+            own = self.world_app.selection.notes_on(name, self.world_app.tools)
+            raise ToolError(own or f"no tool {name!r}{hint}; tools: {', '.join(names)}")
+        try:
+            return await super().call_tool(name, arguments, context)
+        except ToolError as error:
+            notes = self.world_app.selection.notes_on(str(error), self.world_app.tools)
+            if not notes:
+                raise
+            raise ToolError(f"{error} ({notes})") from error
 
 
-def build_server(store: Path | None = None, *, allow: Iterable[Path] = ()) -> WorldServer:
+def build_server(store: Path | None = None, *, allow: Iterable[Path] = (), selection: Selection = ALL) -> WorldServer:
     """The server on a store (default: `default_store()`); raises StoreError where the store cannot be used.
 
-    allow: folders and files that calls may have read, besides those of `allowed_folders`.
+    allow: folders and files that calls may have read, besides those of `allowed_folders`. selection: tools to serve.
     """
     app = App(store or default_store(), allowed_folders(allow))
-    app.tools = all_tools()
+    app.tools, app.selection = all_tools(), selection
 
     @asynccontextmanager
     async def lifespan(_: MCPServer[App]) -> AsyncIterator[App]:
@@ -135,14 +135,15 @@ def build_server(store: Path | None = None, *, allow: Iterable[Path] = ()) -> Wo
     server = WorldServer(
         "asking-the-world",
         title="Asking the World",
-        instructions=INSTRUCTIONS,
+        instructions=instructions(selection),
         version=installed_version(),
-        tools=list[Tool](app.tools),
+        tools=list[Tool](app.served),
         extensions=[TasksExtension(app)],
         lifespan=lifespan,
         middleware=[bounded_errors],
         log_level="WARNING",
     )
+    server.world_app = app
     resources.register(server, app)
     completions.register(server, app)
     watching.register(server, app)

@@ -9,14 +9,19 @@ Rooms from the ground up: `core` (arrays of Warp), `effects` (one law a file; ad
 (one entry a material; add a deformable there).
 """
 
-from polyworld.core import warp_settings
-from polyworld.edits.interventions import Intervention, branch
-from polyworld.probing.compare import Comparison, compare
-from polyworld.probing.predicates import Predicate
-from polyworld.probing.query import QueryResult, query
-from polyworld.solver.rollout import Simulator, rollout, simulator
-from polyworld.trajectory import BatchTrajectory, Event, Rollout, Trajectory
-from polyworld.world import World
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from polyworld.edits.interventions import Intervention, branch
+    from polyworld.probing.compare import Comparison, compare
+    from polyworld.probing.predicates import Predicate
+    from polyworld.probing.query import QueryResult, query
+    from polyworld.solver.rollout import Simulator, rollout, simulator
+    from polyworld.trajectory import BatchTrajectory, Event, Rollout, Trajectory
+    from polyworld.world import World
 
 __all__ = [
     "BatchTrajectory",
@@ -34,5 +39,22 @@ __all__ = [
     "query",
     "rollout",
     "simulator",
-    "warp_settings",
 ]
+
+# Imported when they are asked for: a server that has only been asked what it can do needs none of them.
+_HOMES = {
+    "polyworld.edits.interventions": ("Intervention", "branch"),
+    "polyworld.probing.compare": ("Comparison", "compare"),
+    "polyworld.probing.predicates": ("Predicate",),
+    "polyworld.probing.query": ("QueryResult", "query"),
+    "polyworld.solver.rollout": ("Simulator", "rollout", "simulator"),
+    "polyworld.trajectory": ("BatchTrajectory", "Event", "Rollout", "Trajectory"),
+    "polyworld.world": ("World",),
+}
+
+
+def __getattr__(name: str) -> Any:
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(home), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

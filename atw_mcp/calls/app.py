@@ -17,6 +17,7 @@ from atw_mcp.calls.files import AllowedFiles
 from atw_mcp.calls.jobs import JobRunner
 from atw_mcp.calls.limits import Limits
 from atw_mcp.calls.results import to_result
+from atw_mcp.calls.toolsets import ALL
 from atw_mcp.calls.waiting import WaitingCalls
 from atw_mcp.calls.watching import EvidenceWatch
 from evidence_store import Case, EvidenceStore, StoreError, UnknownRecord
@@ -40,7 +41,13 @@ class App:
         self.jobs = JobRunner(self.store)
         self.waiting = WaitingCalls()
         self.watch = EvidenceWatch(self.store)
-        self.tools: list[Any] = []  # the WorldTools served, for DescribeTool; set by build_server
+        self.tools: list[Any] = []  # every WorldTool, for calls made inside others; set by build_server
+        self.selection = ALL  # which of them are served
+
+    @property
+    def served(self) -> list[Any]:
+        """The tools that are served."""
+        return self.selection.served(self.tools)
 
     # --- the end ---
 

@@ -25,7 +25,7 @@ class Room:
     argument: int = 60  # clauses of an argument's description; the first one is always kept
     enum: int = 140  # JSON of an enumeration
     forms: int = 1200  # signatures of a tagged object's forms; above it their names alone
-    output: int = 240  # JSON of a result's schema; above it types are left out, then fields
+    output: int = 200  # JSON of a result's schema; above it types are left out, then fields
 
 
 ROOM = Room()
@@ -58,10 +58,17 @@ def brief_description(text: str) -> str:
 
 
 def brief_hints(hints: ToolAnnotations) -> ToolAnnotations:
-    """Return the hints without the title, and without those that say nothing about a tool that only reads."""
+    """Return the hints that differ from the protocol's defaults, without the title.
+
+    Of a tool that only reads, it says nothing that it may be repeated and destroys nothing.
+    """
     if hints.read_only_hint:
         return ToolAnnotations(read_only_hint=True, open_world_hint=hints.open_world_hint)
-    return hints.model_copy(update={"title": None})
+    return ToolAnnotations(
+        destructive_hint=hints.destructive_hint,
+        idempotent_hint=hints.idempotent_hint or None,
+        open_world_hint=hints.open_world_hint,
+    )
 
 
 def brief_input(schema: Schema) -> Schema:

@@ -85,5 +85,5 @@ _VALUES: dict[str, Callable[[App, Given], Iterable[str]]] = {
     "rollout": lambda app, given: (record.rollout for record in _records(app, given) if record.rollout),
     "object": _objects,
     "name": _pictures,
-    "tool": lambda app, given: (tool.name for tool in app.tools),  # noqa: ARG005
+    "tool": lambda app, given: (tool.name for tool in app.served),  # noqa: ARG005
 }

@@ -163,13 +163,15 @@ class ToolGroup:
         *,
         title: str,
         read_only: bool = True,
+        idempotent: bool = True,
         pictures: bool = False,
         files: bool = False,
         returns: Any = None,
     ) -> Callable[[ToolFunction], ToolFunction]:
         """Declare a tool. The function's docstring is the description the agent reads.
 
-        read_only: whether it leaves the case as it is (the evidence record apart). pictures: whether it
+        read_only: whether it leaves the case as it is (the evidence record apart). idempotent: whether the same call
+        again changes nothing more. pictures: whether it
         returns images, and therefore no structured content. files: whether it reads files that its arguments name, so
         that the client's roots matter. returns: the model of the data that an agent is shown
         (`atw_mcp/results`), or a union of models where the arguments decide on the form.
@@ -192,7 +194,11 @@ class ToolGroup:
                     is_async=False,
                     context_kwarg=None,
                     annotations=ToolAnnotations(
-                        title=title, read_only_hint=read_only, destructive_hint=False, open_world_hint=False
+                        title=title,
+                        read_only_hint=read_only,
+                        destructive_hint=False,
+                        idempotent_hint=idempotent,
+                        open_world_hint=False,
                     ),
                     role=self.role,
                     pictures=pictures,

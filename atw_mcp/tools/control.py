@@ -59,11 +59,13 @@ def describe_tool(
 ) -> Answer:
     """Describe a tool: purpose, arguments with types, bounds and defaults, and the stage that allows it."""
     if tool is None:
-        tools = [{"tool": t.name, "role": t.role, "does": t.description.split(". ")[0]} for t in app.tools]
+        tools = [{"tool": t.name, "role": t.role, "does": t.description.split(". ")[0]} for t in app.served]
         return Answer(summary=f"{len(tools)} tools", data={"tools": tools}, whole=True)
-    found = next((t for t in app.tools if t.name.lower() == tool.lower()), None)
+    found = next((t for t in app.served if t.name.lower() == tool.lower()), None)
     if found is None:
-        names = [t.name for t in app.tools]
+        if (missing := app.selection.notes_on(tool, app.tools)) != "":
+            raise ToolError(missing)
+        names = [t.name for t in app.served]
         close = difflib.get_close_matches(tool, names, n=1, cutoff=0.5)
         hint = f" (did you mean {close[0]}?)" if close else ""
         raise ToolError(f"no tool {tool!r}{hint}; tools: {', '.join(names)}")
@@ -263,7 +265,7 @@ def update_bindings(
     )
 
 
-@GROUP.tool("Finish", title="Answer a question", read_only=False, returns=Finished)
+@GROUP.tool("Finish", title="Answer a question", read_only=False, idempotent=False, returns=Finished)
 def finish(
     app: App,
     case: CaseId,

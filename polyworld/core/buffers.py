@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from polyworld.core import warp_settings  # noqa: F401 before anything is launched
 from polyworld.core.capture_lock import CaptureLock
 
 DEVICE = "cpu"  # arrays are read and written in place as NumPy's, which only memory of the CPU allows

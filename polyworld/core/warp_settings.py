@@ -1,4 +1,4 @@
-"""Settings of Warp for the whole package, made before any kernel is."""
+"""Settings of Warp for the whole package, made before anything is launched."""
 
 import warp as wp
 
