@@ -450,6 +450,8 @@ def _first_crossing(times: Array, offset: Array, covered: Interval) -> float | N
     grid = np.unique(np.concatenate([[covered[0]], inner, [covered[1]]]))
     value = np.interp(grid, times, offset)
     for k in range(1, len(grid)):
-        if value[k - 1] == 0.0 or value[k - 1] * value[k] < 0:
+        if value[k - 1] == 0.0:
+            return float(grid[k - 1])
+        if value[k - 1] * value[k] < 0:
             return float(grid[k - 1] + value[k - 1] / (value[k - 1] - value[k]) * (grid[k] - grid[k - 1]))
     return None

@@ -106,6 +106,13 @@ def test_who_arrives_first_is_decided_by_the_crossings() -> None:
     assert not neither.decided
 
 
+def test_an_object_that_stays_on_the_plane_passes_it_at_once() -> None:
+    """Both move along y = 0: red is on that plane from the start, as blue is."""
+    both = ask(PassesBefore(a="red", b="blue", axis="y", value=0.0))
+    assert both.evidence["passes_at_s"] == {"red": 0.0, "blue": 0.0}
+    assert both.intervals == ((0.0, 0.0),)
+
+
 @pytest.mark.parametrize(
     ("predicate", "interval", "reason"),
     [
