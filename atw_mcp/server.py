@@ -19,7 +19,8 @@ where it is needed, so that the others start quickly.
   toolbox records it as evidence and shapes it, so a tool never writes evidence itself. NaN and numpy values are
   fine in `data`. Put a short version in `shown` when `data` is long. With `pictures=True` the JSON comes as text
   and the images beside it, without structured content.
-- Work that may take more than a few seconds returns a `LongWork` instead (`atw_mcp/calls/jobs.py`).
+- Work that may take more than a few seconds returns a `LongWork` instead (`atw_mcp/calls/jobs.py`), which
+  becomes a task for clients that offer the extension (`atw_mcp/calls/tasks.py`).
 - Refusals: `raise ToolError("what failed; the valid values. Next: Tool(...)")`. Wrap calls into polyworld,
   perception or the store, whose KeyError/ValueError messages are written for readers, in
   `with explained("Tool(...)"):`. Any other exception becomes a generic sentence and is logged.

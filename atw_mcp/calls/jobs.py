@@ -65,7 +65,8 @@ class LongWork:
     """Work that a tool returns instead of an Answer when computing it may take long.
 
     key: names what is computed, so that equal work under way is joined instead of repeated. work: computes
-    the answer, reporting progress often. draft: the provenance known beforehand, its summary what is being
+    the answer, reporting progress often; solvers interrupt it where it was cancelled, other loops that take longer than
+    a second call `polyworld.core.interruption.check`. draft: the provenance known beforehand, its summary what is being
     done. patience [s]: how long the call waits before it returns `running`.
     """
 
