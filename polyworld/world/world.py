@@ -39,6 +39,7 @@ from polyworld.world.description import (
     unit_quaternion,
 )
 from polyworld.world.observer import Observer
+from polyworld.world.plausible import check_plausible
 from polyworld.world.representations.attachment import Attachment, Region
 from polyworld.world.representations.cloth import Cloth
 from polyworld.world.representations.fluid import Container, Drain, Emitter, Fluid, FluidGrid
@@ -193,6 +194,7 @@ class World(Description):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        check_plausible(self)
         check_consistent(self)
         return self
 
