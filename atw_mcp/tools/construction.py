@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Any, Literal
@@ -35,6 +36,7 @@ from atw_mcp.tools.world_arguments import (
 )
 from atw_mcp.worlds.building import Built, Given, ObservedObject, Scene, build_world
 from atw_mcp.worlds.parts import Parts, read_parts
+from atw_mcp.worlds.sizes import check_described, check_sizes, described, takes_long
 from atw_mcp.worlds.warnings import fluid_warnings
 from evidence_store import Case
 from polyworld.data.tracks import ObservedTracks
@@ -161,7 +163,7 @@ def build_world_tool(
     needed. Next: FitWorld, or InspectRollout to look."""
     found = app.case_to_model(case, "BuildWorld")
     if world is not None:
-        return _from_document(app, found, world)
+        return _from_document(app, found, world, patience_seconds)
     with explained():
         meshes = partial(mesh_of, app, found)
 
@@ -185,11 +187,14 @@ def build_world_tool(
             wind=(0.0, 0.0, 0.0) if wind is None else _triple(wind),
             substep=substep,
         )
+        deformables = described(request.parts)
+        check_described(deformables, app.limits, planar=representation != "spatial")
+        long = takes_long(deformables)
         how = None
         if tracks is not None and observation is not None:
             raise ValueError("give tracks or observation, not both: tracks are modelled as they are")
         if tracks is None and observation is None and _described_alone(app, found, request):
-            return _build(app, found, request, None)
+            return _built(app, found, request, None, patience_seconds, long=long)
         if tracks is None:
             solids = {
                 name: item.shape for name, item in given.items() if isinstance(item.shape, Sphere | Box | Cylinder)
@@ -205,10 +210,10 @@ def build_world_tool(
                 seconds_per_frame=seconds_per_frame,
             )
         if how is None:
-            return _build(app, found, request, track_record(app, found, tracks))
+            return _built(app, found, request, track_record(app, found, tracks), patience_seconds, long=long)
         record = derived_tracks(app, found, how, None)
         if record is not None:
-            return _build(app, found, request, record)
+            return _built(app, found, request, record, patience_seconds, long=long)
 
     def work(progress: Progress) -> Answer:
         with explained():
@@ -222,6 +227,26 @@ def build_world_tool(
         draft=Answer(summary="measuring positions in the world", data={}, case=found.id),
         patience=patience_seconds,
     )
+
+
+def _built(
+    app: App, case: Case, request: _BuildRequest, record: TrackRecord | None, patience: float, *, long: bool
+) -> Answer | LongWork:
+    """Build at once, or as long work where soft bodies have to be divided into many elements."""
+    if not long:
+        return _build(app, case, request, record)
+    key = f"build {case.id} {None if record is None else record.id} {request!r}"
+    return _divided(case, key, patience, lambda: _build(app, case, request, record))
+
+
+def _divided(case: Case, key: str, patience: float, build: Callable[[], Answer]) -> LongWork:
+    def work(progress: Progress) -> Answer:
+        progress.note(0.0, 1.0, "dividing soft bodies into elements")
+        with explained():
+            return build()
+
+    draft = Answer(summary="dividing soft bodies into elements", data={}, case=case.id)
+    return LongWork(key=key, work=work, draft=draft, patience=patience)
 
 
 @dataclass(frozen=True)
@@ -322,6 +347,7 @@ def _build(app: App, case: Case, request: _BuildRequest, found: TrackRecord | No
             }
         ),
         camera=latest_camera(app, case),
+        limits=app.limits,
     )
     observation = None if found is None else found.id
     app.keep_world(case, built.world, how="built", observation=observation)
@@ -343,9 +369,17 @@ def _in_the_air(record: TrackRecord, built: Built) -> list[str]:
     return found
 
 
-def _from_document(app: App, case: Case, document: dict[str, Any]) -> Answer:
+def _from_document(app: App, case: Case, document: dict[str, Any], patience: float) -> Answer | LongWork:
     with explained("DescribeTool(tool='BuildWorld', argument='world') gives the schema of a world"):
         made = World.model_validate(document)
+        check_sizes(made, app.limits)
+    if takes_long(made.deformables):
+        return _divided(case, f"build {case.id} {made.id}", patience, lambda: _kept_document(app, case, made))
+    return _kept_document(app, case, made)
+
+
+def _kept_document(app: App, case: Case, made: World) -> Answer:
+    with explained("DescribeTool(tool='BuildWorld', argument='world') gives the schema of a world"):
         warned = fluid_warnings(made)
     record = app.store.cases.observations(case.id, "tracks")
     observation = record[0][1] if record else None

@@ -25,6 +25,7 @@ from atw_mcp.probing.ensembles import EnsembleSize, compute_ensemble, lineage
 from atw_mcp.results.experimentation import Events, RolloutMade, Shape, Timeline, Trajectory, VariantsMade
 from atw_mcp.worlds.rollout_cost import cost, size_in_words
 from atw_mcp.worlds.rollouts import checked_horizon, compute_rollout, find_rollout, sample_seconds_of, stored_rollout
+from atw_mcp.worlds.sizes import check_additions, check_sizes
 from evidence_store import Case
 from polyworld.edits.interventions import Add, Intervention, branch
 from polyworld.probing.query import sampled_every
@@ -121,12 +122,16 @@ def roll_out(
         where = "" if variants is None else f"variant {number}, "
         wanted = _edits(app, found, base, given, where)
         with explained(f"InspectWorld(case={found.id!r}, world={base.id!r}) lists objects, statics and effects"):
+            check_additions(base, wanted, app.limits)
             branched = branch(base, wanted)
         seconds = horizon_seconds
         if horizon_frames is not None:
             seconds = horizon_frames * branched.time.seconds_per_frame
         edited = tuple(edit.model_dump(mode="json", exclude_none=True) for edit in wanted)
-        plans.append(_Plan(branched, edited, checked_horizon(branched, seconds, sample_seconds), sample_seconds))
+        with explained("Rollout with a shorter horizon"):
+            horizon = checked_horizon(branched, seconds, sample_seconds)
+            check_sizes(branched, app.limits, horizon)
+        plans.append(_Plan(branched, edited, horizon, sample_seconds))
     for plan in plans:
         if plan.world.id != base.id:
             app.keep_world(found, plan.world, how="intervention", parent=base, detail={"edits": list(plan.edits)})

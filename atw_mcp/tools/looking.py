@@ -34,6 +34,7 @@ from atw_mcp.probing.rollout_view import RolloutView, case_tracks, draw_observed
 from atw_mcp.results.looking import ObservedMotion, OutlinedFrames, PlainFrames, SimulatedFrames
 from atw_mcp.worlds.rollout_cost import size_in_words
 from atw_mcp.worlds.rollouts import checked_horizon, compute_rollout, find_rollout, stored_rollout
+from atw_mcp.worlds.sizes import check_sizes
 from evidence_store import Case
 from polyworld.data.tracks import ObservedTracks
 from polyworld.trajectory import Rollout
@@ -305,7 +306,10 @@ def inspect_rollout(
             raise ToolError(f"{rollout} belongs to case {of_case.id!r}, not to {found.id!r}")
         return answer(rollout, shown_world, result)
     shown_world = app.world(found, world)
-    horizon = checked_horizon(shown_world, _unobserved_horizon(shown_world, interval, frames))
+    with explained():
+        check_sizes(shown_world, app.limits)
+        horizon = checked_horizon(shown_world, _unobserved_horizon(shown_world, interval, frames))
+        check_sizes(shown_world, app.limits, horizon)
     known = find_rollout(app, shown_world, horizon)
     if known is None and not shown_world.coupled:  # such worlds take no longer than their pictures
         with explained():

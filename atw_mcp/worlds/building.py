@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from atw_mcp.calls.limits import DEFAULT, Limits
 from atw_mcp.worlds.parts import Parts, read_part
 from atw_mcp.worlds.representation_choice import Chosen, Representation, choose, with_axes_across
+from atw_mcp.worlds.sizes import check_sizes
 from atw_mcp.worlds.warnings import fluid_warnings, without_covering_walls
 from polyworld.data.initial_states import initial_states, with_initial_states
 from polyworld.data.tracks import ObservedTracks
@@ -103,6 +105,7 @@ def build_world(
     airborne: frozenset[str] = frozenset(),
     time: TimeBase,
     camera: Camera | None = None,
+    limits: Limits = DEFAULT,
 ) -> Built:
     """A world of the tracked objects, each placed and set in motion as its track begins, and of what was described.
 
@@ -184,6 +187,7 @@ def build_world(
         time=time,
         camera=camera,
     )
+    check_sizes(world, limits)
     notes += [*fluid_warnings(world), *_overruled(names, given)]
     if names:
         tracked = tracks.select(names)

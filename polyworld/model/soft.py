@@ -94,16 +94,21 @@ def _extent(shape: Shape) -> Array:
     return widths
 
 
+def predicted_elements(item: Soft) -> float:
+    """Return how many elements the bounding box of the shape would hold: an upper estimate, without dividing it."""
+    cells = _extent(item.shape) / edge_length(item)
+    if item.representation.endswith(PLANAR):
+        return 2.0 * float(np.prod(np.sort(cells)[1:]))
+    return 6.0 * float(np.prod(cells))
+
+
 def _check_count(item: Soft) -> None:
     """Refuse, before any work, elements of which the bounding box would hold more than `MOST`."""
-    edge = edge_length(item)
-    cells = _extent(item.shape) / edge
-    planar = item.representation.endswith(PLANAR)
-    count = 2.0 * float(np.prod(np.sort(cells)[1:])) if planar else 6.0 * float(np.prod(cells))
+    count = predicted_elements(item)
     if count > MOST:
         raise ValueError(
-            f"soft body {item.name!r}: elements of {edge:.3g} m would be about {count:.2g}, more than {MOST}: give a "
-            "larger resolution"
+            f"soft body {item.name!r}: elements of {edge_length(item):.3g} m would be about {count:.2g}, more than "
+            f"{MOST}: give a larger resolution"
         )
 
 

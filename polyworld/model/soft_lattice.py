@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from polyworld.core import interruption
 from polyworld.model.soft_elements import QuadraticMesh, quadratic_solid, with_volume
 from polyworld.model.soft_round import oriented
 from polyworld.model.soft_surface import Surface
@@ -39,6 +40,7 @@ def filled(surface: Surface, edge: float, volume: float) -> QuadraticMesh:
     """
     mesh = None
     for finer in 0.8 ** np.arange(6):
+        interruption.check()
         points, cells = lattice_tetrahedra(surface, CELL * finer * edge)
         if len(cells):
             mesh = quadratic_solid(points, cells, lambda p: surface.nearest(p)[0])
@@ -140,6 +142,7 @@ def _cut(points: Array, depth: Array, cells: Ints, surface: Surface) -> tuple[Ar
 
     pieces: list[list[int]] = []
     for cell in cut.tolist():
+        interruption.check()
         inner = [p for p in cell if depth[p] > 0.0]
         level = [p for p in cell if depth[p] == 0.0]
         outer = [p for p in cell if depth[p] < 0.0]
@@ -223,6 +226,7 @@ def _improved(points: Array, cells: Ints, surface: Surface, edge: float) -> tupl
     on_skin = np.isin(np.arange(len(points)), outer)
     for _ in range(PASSES):
         for point in range(len(points)):
+            interruption.check()
             if point in fixed:
                 continue
             near = np.unique((skin[(skin == point).any(axis=1)] if on_skin[point] else cells[around[point]]).ravel())
@@ -243,6 +247,7 @@ def _sharpen(
     if not len(edges):
         return fixed
     for corner in _corners(edges):
+        interruption.check()
         distance = np.linalg.norm(points[outer] - corner, axis=1)
         for row in np.argsort(distance, kind="stable")[:4]:
             point = int(outer[row])
@@ -251,6 +256,7 @@ def _sharpen(
                 break
     target, distance = _nearest_on(edges, points[outer])
     for row in np.argsort(distance, kind="stable"):
+        interruption.check()
         point = int(outer[row])
         if point not in fixed and distance[row] < KEEN * edge and moves(point, target[row], FLAT):
             fixed.add(point)

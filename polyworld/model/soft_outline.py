@@ -9,6 +9,8 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
+from polyworld.core import interruption
+
 Array = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
@@ -67,6 +69,7 @@ def outline_triangles(loops: list[Array], edge: float) -> tuple[Array, Ints]:
     inner = _hexagonal(lower, upper, edge)
     inner = inner[_inside(loops, inner)]
     for _ in range(ROUNDS):
+        interruption.check()
         rim = np.concatenate(rings)
         away = np.linalg.norm(inner[:, None] - rim[None], axis=2).min(axis=1, initial=np.inf)
         points = np.concatenate([rim, inner[away > 0.65 * edge]])

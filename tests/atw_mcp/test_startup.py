@@ -15,7 +15,7 @@ from atw_mcp.demo.truth import FOLDER
 from atw_mcp.server import all_tools
 from atw_mcp.tools import manifest
 
-HEAVY = ("warp", "polyworld", "cv2", "matplotlib", "scipy", "trimesh", "mujoco")
+HEAVY = ("warp", "cv2", "matplotlib", "scipy", "trimesh", "mujoco")
 
 SERVER = """
 import json, sys

@@ -101,11 +101,32 @@ def _samples(world: World, part: FluidVolume, thin: int) -> Array:
     return points[_inside(part, points, thin)]
 
 
+def predicted_particles(world: World, item: Fluid) -> float:
+    """Return how many lattice points the bounding boxes of a fluid's volumes hold within the grid: an upper estimate.
+
+    They are what seeding it needs memory for.
+    """
+    box = world.fluid_grid
+    if box is None:
+        raise ValueError(f"fluid {item.name!r} needs a fluid_grid")
+    spacing, thin = box.cell / PER_AXIS, thin_axis(world)
+    axes = [axis for axis in range(3) if axis != thin]
+    count = 0.0
+    for part in item.volumes:
+        low, high = _clipped(part, np.asarray(box.lower, dtype=float), np.asarray(box.upper, dtype=float))
+        count += float(np.prod(np.maximum(high - low, 0.0)[axes] / spacing))
+    return count
+
+
+def _clipped(part: FluidVolume, lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Lower and upper corner (3,) of a box that holds what of a volume is in the grid [m]."""
+    reach = _reach(part)
+    return np.maximum(np.asarray(part.position) - reach, lower), np.minimum(np.asarray(part.position) + reach, upper)
+
+
 def _lattice(world: World, part: FluidVolume, lower: Array, upper: Array, spacing: float, thin: int) -> Array:
     """Points of the lattice inside one volume and the box."""
-    reach = _reach(part)
-    low = np.maximum(np.asarray(part.position) - reach, lower)
-    high = np.minimum(np.asarray(part.position) + reach, upper)
+    low, high = _clipped(part, lower, upper)
     axes = []
     for axis in range(3):
         if axis == thin:
