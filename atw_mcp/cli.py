@@ -98,6 +98,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_store(serve)
     add_allow(serve)
     add_selection(serve)
+    serve.add_argument(
+        "--limits", type=Path, metavar="FILE.toml", help="limits of what one call may ask for; also ATW_MCP_LIMITS"
+    )
     serve.set_defaults(command=_serve)
 
     tools = commands.add_parser("tools", help="list the tools, or describe one")
@@ -187,18 +190,20 @@ class _ShowVersion(argparse.Action):
 
 
 def _serve(options: argparse.Namespace) -> int:
+    from atw_mcp.calls.limits import Limits, LimitsError
     from atw_mcp.server import build_server, default_store
     from atw_mcp.serving import serve_stdio
     from evidence_store import StoreError
 
-    if options.http:
-        from atw_mcp.transports.command import serve_http
-
-        return serve_http(options, build_server, options.store or default_store())
     try:
         selection = Selection.of(options.toolsets, options.read_only)
-        server = build_server(options.store, allow=options.allow, selection=selection)
-    except (StoreError, ValueError) as error:
+        build = partial(build_server, allow=options.allow, selection=selection, limits=Limits.read(options.limits))
+        if options.http:
+            from atw_mcp.transports.command import serve_http
+
+            return serve_http(options, build, options.store or default_store())
+        server = build(options.store)
+    except (LimitsError, StoreError, ValueError) as error:
         print(f"atw-mcp: {error}", file=sys.stderr)
         return FAILED
     if sys.stdin.isatty():

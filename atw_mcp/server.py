@@ -56,6 +56,7 @@ from atw_mcp.calls.brief import brief_tool
 from atw_mcp.calls.deferred import DeferredTool
 from atw_mcp.calls.error_text import bounded_errors
 from atw_mcp.calls.files import allowed_folders
+from atw_mcp.calls.limits import Limits
 from atw_mcp.calls.prompting import PromptServer, add_prompts
 from atw_mcp.calls.tasks import TasksExtension
 from atw_mcp.calls.toolbox import ToolGroup, WorldTool
@@ -116,12 +117,19 @@ class WorldServer(PromptServer):
             raise ToolError(f"{error} ({notes})") from error
 
 
-def build_server(store: Path | None = None, *, allow: Iterable[Path] = (), selection: Selection = ALL) -> WorldServer:
+def build_server(
+    store: Path | None = None,
+    *,
+    allow: Iterable[Path] = (),
+    selection: Selection = ALL,
+    limits: Limits | None = None,
+) -> WorldServer:
     """The server on a store (default: `default_store()`); raises StoreError where the store cannot be used.
 
     allow: folders and files that calls may have read, besides those of `allowed_folders`. selection: tools to serve.
+    limits: of what one call may ask for.
     """
-    app = App(store or default_store(), allowed_folders(allow))
+    app = App(store or default_store(), allowed_folders(allow), limits)
     app.tools, app.selection = all_tools(), selection
 
     @asynccontextmanager

@@ -37,8 +37,8 @@ class App:
     def __init__(self, store_path: Path, allow: Iterable[Path] = (), limits: Limits | None = None) -> None:
         self.store = EvidenceStore(store_path)
         self.limits = Limits() if limits is None else limits
+        self.jobs = JobRunner(self.store, self.limits)
         self.files = AllowedFiles(allow, self.limits, own=[self.derived_files])
-        self.jobs = JobRunner(self.store)
         self.waiting = WaitingCalls()
         self.watch = EvidenceWatch(self.store)
         self.tools: list[Any] = []  # every WorldTool, for calls made inside others; set by build_server

@@ -13,6 +13,7 @@ from mcp.shared.exceptions import MCPError
 from mcp_types import INTERNAL_ERROR
 
 from atw_mcp.calls.error_text import shortened
+from atw_mcp.calls.limits import Limits
 from atw_mcp.calls.results import Answer
 from evidence_store import Evidence, EvidenceStore, StoreError
 from polyworld.core.interruption import Interrupted, Interruption
@@ -88,19 +89,27 @@ class RunningJob:
     ended: threading.Event = field(default_factory=threading.Event)
     callers: int = 0
     held: bool = False
+    stopped: str | None = None  # the limit that it exceeded
 
 
 class JobRunner:
-    """Runs long work in threads and keeps its evidence record true."""
+    """Runs long work in threads, within limits of time and memory, and keeps its evidence record true."""
 
-    def __init__(self, store: EvidenceStore) -> None:
+    def __init__(self, store: EvidenceStore, limits: Limits) -> None:
         self._store = store
+        self._limits = limits
         self._running: dict[str, RunningJob] = {}
         self._guard = threading.Lock()
         self._stopping = False
 
     def start(self, tool: str, arguments: dict[str, object], work: LongWork) -> RunningJob:
-        """Begin the work, or join it where a living process already does it."""
+        """Begin the work, or join it where a living process already does it.
+
+        Raises ToolError where the process has no memory left for it.
+        """
+        reason = self._limits.exceeded()
+        if reason is not None:
+            raise ToolError(f"{tool} cannot begin: {reason}. Wait for running work, or cancel it with ReadEvidence")
         with self._guard, self._store.transaction():
             other = self._store.jobs.working_on(work.key)
             if other is not None:
@@ -165,7 +174,7 @@ class JobRunner:
             done = answer.to_evidence(record.tool, record.arguments)
             ended = replace(done, id=record.id, case=record.case)
         except (Cancelled, Interrupted):
-            ended = self._halted(record, progress)
+            ended = self._halted(record, job)
         except MCPError as error:
             ended = replace(record, status="failed", summary=error.message)
             unanswered = _no_answer(error.message, error.code)
@@ -175,7 +184,7 @@ class JobRunner:
             ended = replace(record, status="failed", summary=str(error))
         except Exception as error:
             if progress.cancelled():  # libraries have their own exceptions for being asked to stop
-                ended = self._halted(record, progress)
+                ended = self._halted(record, job)
             else:
                 logger.exception("%s failed", record.tool)
                 kind = type(error).__name__
@@ -193,10 +202,15 @@ class JobRunner:
             job.ended.set()
             self._running.pop(record.id, None)
 
-    def _halted(self, record: Evidence, progress: Progress) -> Evidence:
+    def _halted(self, record: Evidence, job: RunningJob) -> Evidence:
+        """Return the record of work that was asked to stop: cancelled, or failed where the reason is the server's."""
         if self._stopping:
             return self._interrupted(record)
-        return replace(record, status="cancelled", summary=f"cancelled at {_how_far(progress)}")
+        assert job.progress is not None
+        at = _how_far(job.progress)
+        if job.stopped is not None:
+            return replace(record, status="failed", summary=f"stopped at {at}: {job.stopped}")
+        return replace(record, status="cancelled", summary=f"cancelled at {at}")
 
     @staticmethod
     def _interrupted(record: Evidence) -> Evidence:
@@ -215,7 +229,11 @@ class JobRunner:
     def _watch(self, job: RunningJob) -> None:
         progress = job.progress
         assert progress is not None
+        began = time.monotonic()
         while not job.ended.wait(BEAT):
+            job.stopped = job.stopped or self._limits.exceeded(time.monotonic() - began)
+            if job.stopped is not None:
+                progress.cancel()
             try:
                 self._store.jobs.beat(job.evidence, progress.done, progress.total, progress.message)
                 seen = self._store.jobs.get(job.evidence)

@@ -2,7 +2,28 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+import os
+import sys
+import tomllib
+from pathlib import Path
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+VARIABLE = "ATW_MCP_LIMITS"
+UNKNOWN_MEMORY = 8_000_000_000  # bytes of the machine where the system does not say
+
+
+class LimitsError(ValueError):
+    """A file of limits that cannot be used; the message names the limits there are."""
+
+
+def machine_memory() -> int:
+    """Memory of the machine [bytes]."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return UNKNOWN_MEMORY
 
 
 class Limits(BaseModel):
@@ -23,6 +44,58 @@ class Limits(BaseModel):
     particles: int = Field(
         default=1_000_000, gt=0, description="of all fluids, with those emitted: some 300 bytes each in a rollout"
     )
+    memory_bytes: int = Field(
+        default_factory=lambda: machine_memory() // 2,
+        gt=0,
+        description="of this process: above it no long work begins, and running work is stopped; default: half the "
+        "machine's",
+    )
+    call_seconds: float = Field(
+        default=14_400.0, gt=0, description="after which long work is stopped [s]: the longest searches take an hour"
+    )
+
+    @classmethod
+    def read(cls, file: Path | None) -> Self:
+        """Return the limits of a TOML file, default that of ATW_MCP_LIMITS, else the defaults; raises LimitsError."""
+        named = os.environ.get(VARIABLE)
+        path = file if file is not None else Path(named).expanduser() if named else None
+        if path is None:
+            return cls()
+        try:
+            return cls.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise LimitsError(f"limits {path}: {error}") from error
+        except ValidationError as error:
+            wrong = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+            raise LimitsError(f"limits {path}: {wrong}; limits are {', '.join(cls.model_fields)}") from error
+
+    def exceeded(self, seconds: float = 0.0) -> str | None:
+        """Say which limit of a running process is exceeded; None if none is. seconds: that its work has run."""
+        used = resident_bytes()
+        if used is not None and used > self.memory_bytes:
+            return (
+                f"the server uses {used / 1e9:.2g} GB, more than its limit of {self.memory_bytes / 1e9:.2g} GB "
+                "(memory_bytes)"
+            )
+        if seconds > self.call_seconds:
+            return f"it ran for more than {self.call_seconds:g} s, the limit (call_seconds) of this server"
+        return None
+
+
+def resident_bytes() -> int | None:
+    """Memory that this process has in use [bytes]; None where the system does not say."""
+    try:
+        with open("/proc/self/statm", encoding="ascii") as facts:
+            return int(facts.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return None if sys.platform == "win32" else _most_resident_bytes()
+
+
+def _most_resident_bytes() -> int:
+    import resource  # not on Windows
+
+    # Kilobytes, on macOS bytes.
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 DEFAULT = Limits()

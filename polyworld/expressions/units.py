@@ -59,11 +59,16 @@ _UNITS: dict[str, Dimension] = {
 }
 
 
+LONGEST_UNIT = 100  # characters
+
+
 def parse_unit(text: str) -> Dimension:
     """The dimension of a unit such as `m/s^2`, `1/s`, `kg m`, `m^-0.5 s^-0.5` or `N/(m s)`.
 
     Raises ValueError for anything else; prefixes such as `mm` are not taken, for they would scale the value.
     """
+    if len(text) > LONGEST_UNIT:
+        raise ValueError(f"a unit has at most {LONGEST_UNIT} characters, got {len(text)}")
     joined = re.sub(r"(?<=[\w)])\s+(?=[A-Za-z(])", "*", text.strip()).replace("^", "**")
     try:
         tree = ast.parse(joined, mode="eval")
