@@ -81,10 +81,14 @@ def check_described(items: Sequence[Any], limits: Limits, planar: bool) -> None:
 
     planar: whether soft bodies may turn out to be slices, which have fewer elements.
     """
-    flat = {"representation": f"soft{PLANAR}"}
-    items = [item.model_copy(update=flat) if planar and isinstance(item, Soft) else item for item in items]
     solid = tuple(item for item in items if not isinstance(item, Fluid))
-    check_sizes(World.model_construct(deformables=solid), limits)
+    flat = {"representation": f"soft{PLANAR}"}
+    least = tuple(item.model_copy(update=flat) if planar and isinstance(item, Soft) else item for item in solid)
+    try:
+        check_sizes(World.model_construct(deformables=least), limits)
+    except ValueError:  # then in space, too, where what is acceptable is so in the plane as well
+        check_sizes(World.model_construct(deformables=solid), limits)
+        raise
 
 
 def takes_long(items: Sequence[Any]) -> bool:
