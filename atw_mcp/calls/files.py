@@ -18,6 +18,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
+from typing import Literal
 
 from atw_mcp.calls.limits import Limits
 
@@ -78,27 +79,25 @@ class AllowedFiles:
             raise FileRefused(f"{path} is neither a regular file nor a folder")
         return path
 
-    def file(self, text: str, most: int | None = None) -> Path:
-        """Return the real path of a regular, non-empty file of at most `most` bytes (default: limit file_bytes).
-
-        Raises FileRefused.
-        """
+    def file(self, text: str) -> Path:
+        """Return the real path of a regular, non-empty file within the limit of file_bytes; raises FileRefused."""
         path = self.resolve(text)
         if path.is_dir():
             raise FileRefused(f"{path} is a folder, not a file{_names_in(path)}")
         descriptor = self._open(path)
         try:
-            self._check_size(path, os.fstat(descriptor).st_size, self._limits.file_bytes if most is None else most)
+            self._check_size(path, os.fstat(descriptor).st_size, "file_bytes")
         finally:
             os.close(descriptor)
         return path
 
     @contextmanager
-    def opened(self, text: str) -> Iterator[Path]:
+    def opened(self, text: str, limit: Literal["file_bytes", "text_bytes"] = "file_bytes") -> Iterator[Path]:
         """Yield a path under which a file, or a private copy of a folder's regular files, can be read without races.
 
         The path has the name of the original, in a temporary folder of its own, so that no file beside it can be
-        reached. Links in a folder are followed only to allowed files. Raises FileRefused.
+        reached. Links in a folder are followed only to allowed files. limit: that of a file's size; of folders it is
+        file_bytes. Raises FileRefused.
         """
         path = self.resolve(text)
         with tempfile.TemporaryDirectory(prefix="atw-read-") as own:
@@ -109,7 +108,7 @@ class AllowedFiles:
                 return
             descriptor = self._open(path)
             try:
-                self._check_size(path, os.fstat(descriptor).st_size, self._limits.file_bytes)
+                self._check_size(path, os.fstat(descriptor).st_size, limit)
                 if DESCRIPTORS.is_dir():
                     view.symlink_to(DESCRIPTORS / str(descriptor))
                 else:
@@ -190,11 +189,12 @@ class AllowedFiles:
                 finally:
                     os.close(descriptor)
 
-    def _check_size(self, path: Path, size: int, most: int) -> None:
+    def _check_size(self, path: Path, size: int, limit: Literal["file_bytes", "text_bytes"]) -> None:
+        most: int = getattr(self._limits, limit)
         if size == 0:
             raise FileRefused(f"{path} is empty (0 bytes)")
         if size > most:
-            raise FileRefused(f"{path} has {size:,} bytes, more than the limit of {most:,} (file_bytes) of this server")
+            raise FileRefused(f"{path} has {size:,} bytes, more than the limit of {most:,} ({limit}) of this server")
 
     def _outside(self, text: str) -> str:
         listed = ", ".join(map(str, self.folders[:LISTED])) or "none but the shipped demo"

@@ -34,6 +34,11 @@ class Limits(BaseModel):
     file_bytes: int = Field(
         default=2_000_000_000, gt=0, description="of a file, or of all files of a folder [bytes]: read in some seconds"
     )
+    text_bytes: int = Field(
+        default=32_000_000,
+        gt=0,
+        description="of a table, JSON file or mesh [bytes]: a million rows, read in a minute with 1 GB",
+    )
     folder_files: int = Field(default=20_000, gt=0, description="files of a folder: ten masks in each of 2,000 frames")
     elements: int = Field(
         default=30_000, gt=0, description="of all soft bodies of a world: divided in a quarter of a minute, with 300 MB"

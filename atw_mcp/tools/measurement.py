@@ -95,7 +95,7 @@ def import_observation(
     up. The latest import counts; points and series join the tracks there are. Next: BuildWorld (after tracks or a
     recording), CalibrateCamera (after masks)."""
     found = app.case_to_model(case, "ImportObservation")
-    with explained(), app.files.opened(path) as place:
+    with explained(), app.files.opened(path, "file_bytes" if kind == "depth" else "text_bytes") as place:
         if sealed_runs is not None and kind != "recording":
             raise ValueError(f"sealed_runs are runs of a recording; kind is {kind!r}")
         if kind == "recording":

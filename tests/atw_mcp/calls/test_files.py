@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import os
+import zipfile
 from pathlib import Path
 
 import anyio
+import numpy as np
 import pytest
 from mcp import Client
 from mcp_types import ListRootsResult, Root
@@ -13,6 +16,8 @@ from mcp_types import ListRootsResult, Root
 from atw_mcp.calls.files import DEMO, VARIABLE, AllowedFiles, FileRefused, allowed_folders
 from atw_mcp.calls.limits import Limits
 from atw_mcp.calls.roots import local_path
+from atw_mcp.perception.import_files import ImportDataError
+from atw_mcp.perception.import_images import import_camera, import_depth
 from atw_mcp.server import build_server
 from tests.atw_mcp.connections import served_over_http, stdio_parameters
 from tests.atw_mcp.session import Session
@@ -136,6 +141,34 @@ def test_a_folder_is_copied_with_its_links_to_allowed_files(folders: tuple[Path,
         (inside / "f" / "b").write_bytes(b"1234")
         with pytest.raises(FileRefused, match="limit"), AllowedFiles([inside], limits).opened(str(inside / "f")):
             pass
+
+
+def test_a_file_above_its_limit_is_refused_before_it_is_read(folders: tuple[Path, Path]) -> None:
+    inside, _ = folders
+    with (inside / "large.csv").open("wb") as file:
+        file.truncate(10**12)
+    files = AllowedFiles([inside], Limits())
+    with pytest.raises(FileRefused, match=r"2,000,000,000 \(file_bytes\)"):
+        files.file(str(inside / "large.csv"))
+    with pytest.raises(FileRefused, match="text_bytes"), files.opened(str(inside / "large.csv"), "text_bytes"):
+        pass
+
+
+def test_archives_and_images_are_not_unpacked_beyond_their_limits(tmp_path: Path) -> None:
+    claimed = io.BytesIO()
+    np.lib.format.write_array_header_1_0(claimed, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("depth.npy", claimed.getvalue())
+    with pytest.raises(ImportDataError, match=r"above the limit of 1\.5 GB"):
+        import_depth(tmp_path / "a.npz")
+    (tmp_path / "masks").mkdir()
+    size = (100_000).to_bytes(4, "big")
+    (tmp_path / "masks" / "0.png").write_bytes(b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + size + size)
+    with pytest.raises(ImportDataError, match="100000 x 100000 pixels"):
+        import_depth(tmp_path / "masks", metres_per_unit=0.001)
+    (tmp_path / "deep.json").write_text("[" * 100_000)
+    with pytest.raises(ImportDataError, match="nested too deeply"):
+        import_camera(tmp_path / "deep.json")
 
 
 @pytest.mark.parametrize("kind", KINDS)
