@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from mcp.server.mcpserver.exceptions import ToolError
 from mcp.shared.exceptions import MCPError
@@ -16,7 +17,9 @@ from atw_mcp.calls.error_text import shortened
 from atw_mcp.calls.limits import Limits
 from atw_mcp.calls.results import Answer
 from evidence_store import Evidence, EvidenceStore, StoreError
-from polyworld.core.interruption import Interrupted, Interruption
+
+if TYPE_CHECKING:
+    from polyworld.core.interruption import Interruption
 
 GRACE = 0.3  # [s] for cancelled work to end by itself, with what it has; then it is interrupted where it is
 BEAT = 1.0  # [s] between signs of life; also how soon a cancellation from another process is seen
@@ -27,6 +30,12 @@ class Cancelled(Exception):
     """Raised inside work whose cancellation was asked for."""
 
 
+def _interruption() -> Interruption:
+    from polyworld.core.interruption import Interruption  # the engine: only its work need be interrupted
+
+    return Interruption()
+
+
 @dataclass
 class Progress:
     """How far a piece of work is. The work calls `report`, which raises `Cancelled` when it should stop."""
@@ -34,7 +43,7 @@ class Progress:
     done: float = 0.0
     total: float | None = None
     message: str = ""
-    interruption: Interruption = field(default_factory=Interruption)
+    interruption: Interruption = field(default_factory=_interruption)
     _cancel: threading.Event = field(default_factory=threading.Event)
 
     def report(self, done: float, total: float | None = None, message: str = "") -> None:
@@ -165,6 +174,8 @@ class JobRunner:
                     logger.warning("%s could not be marked failed: %s", job.evidence, error)
 
     def _run(self, record: Evidence, job: RunningJob, work: LongWork) -> None:
+        from polyworld.core.interruption import Interrupted
+
         progress = job.progress
         assert progress is not None
         unanswered: dict[str, object] | None = None
