@@ -1,13 +1,8 @@
-"""Made-up long work under the names that the official conformance suite asks of a server with tasks.
-
-As a program: serve them over HTTP on a port, on top of the real tools.
-"""
+"""Made-up long work under the names that the official conformance suite asks of a server with tasks."""
 
 from __future__ import annotations
 
-import sys
 import time
-from pathlib import Path
 from typing import Annotated
 
 from mcp.server.mcpserver.exceptions import ToolError
@@ -15,12 +10,10 @@ from mcp.shared.exceptions import MCPError
 from mcp_types import CallToolResult, TextContent
 from pydantic import Field
 
-from atw_mcp import server
 from atw_mcp.calls.app import App
 from atw_mcp.calls.jobs import LongWork, Progress
 from atw_mcp.calls.results import Answer
 from atw_mcp.calls.toolbox import ToolGroup
-from atw_mcp.serving import serve_http
 
 TASKS = ToolGroup("execution control")
 PATIENCE = 30.0  # [s]
@@ -72,13 +65,3 @@ def protocol_error_job(app: App) -> LongWork:
         raise MCPError(code=-32603, message="the machine is gone")
 
     return LongWork("break", work, Answer(summary="breaking", data={}), PATIENCE)
-
-
-def add_to_server() -> None:
-    """Let servers that are built from now on serve these tools too."""
-    server.GROUPS = (*server.GROUPS, TASKS)
-
-
-if __name__ == "__main__":
-    add_to_server()
-    serve_http(server.build_server(Path(sys.argv[1])), port=int(sys.argv[2]))

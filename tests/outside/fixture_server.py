@@ -13,6 +13,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import uvicorn
 from mcp.server import MCPServer
 from mcp.server.mcpserver.exceptions import ToolError
 from mcp.server.mcpserver.prompts.base import UserMessage
@@ -23,7 +24,8 @@ from atw_mcp.calls.app import App
 from atw_mcp.calls.jobs import LongWork, Progress
 from atw_mcp.calls.results import Answer
 from atw_mcp.calls.toolbox import ToolGroup
-from atw_mcp.serving import serve_http
+from atw_mcp.serving import http_app
+from tests.atw_mcp import task_tools
 
 GROUP = ToolGroup("execution control")
 PIXEL = cv2.imencode(".png", np.zeros((1, 1, 3), np.uint8))[1].tobytes()
@@ -101,7 +103,7 @@ def with_progress(app: App) -> LongWork:
 
 def fixture_server(store: Path) -> MCPServer[App]:
     """The real server and what the suite asks for."""
-    real.GROUPS = (*real.GROUPS, GROUP)
+    real.GROUPS = (*real.GROUPS, GROUP, task_tools.TASKS)
     server = real.build_server(store)
     _add_resources(server)
     _add_prompts(server)
@@ -145,4 +147,4 @@ def _add_prompts(server: MCPServer[App]) -> None:
 
 
 if __name__ == "__main__":
-    serve_http(fixture_server(Path(sys.argv[1])), port=int(sys.argv[2]))
+    uvicorn.run(http_app(fixture_server(Path(sys.argv[1]))), port=int(sys.argv[2]), log_level="warning")

@@ -32,6 +32,7 @@ EXPECTED = {
         "input-required-result-capability-check": NO_QUESTIONS,
         "tasks-mrtr-input": NO_QUESTIONS,
         "tasks-mrtr-composition": NO_QUESTIONS,
+        "tasks-required-task-error": "asks for a tool that refuses clients without tasks: every tool here serves both",
         "json-schema-2020-12": INLINED,
         "http-custom-header-server-validation": "no argument is mirrored into an HTTP header",
     },

@@ -18,11 +18,11 @@ def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     folder = tmp_path_factory.mktemp("inspector")
     options = ["serve", "--http", "--store", str(folder / "atw.db"), "--port"]
     with serving("atw_mcp", options, folder) as address:
-        yield address
+        yield f"{address}/judged"  # a named store, which clients of both eras reach
 
 
 def inspected(url: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    command = ["mcp-inspector", "--cli", url, *arguments]
+    command = ["mcp-inspector", "--cli", url, "--transport", "http", *arguments]
     return subprocess.run(command, env=node_environment(), capture_output=True, text=True, timeout=60, check=False)
 
 
