@@ -45,7 +45,7 @@ print(json.dumps(sorted(sys.modules)))
 
 ENGINE = """
 import json, sys
-import polyworld
+from polyworld import compare, query, rollout
 print(json.dumps(sorted(sys.modules)))
 """
 
