@@ -18,7 +18,6 @@ from atw_mcp.results.values import DOCUMENT
 from tests.atw_mcp.clips import write_tracks
 from tests.atw_mcp.session import Session
 
-UNDECLARED = {"type": "object", "additionalProperties": True}  # of tools whose results have no model yet
 FREE = {"JsonDocument": {"type": "object", "additionalProperties": True}, "AnyJson": {}}
 """JSON whose form is given elsewhere: all that may be `Any`."""
 
@@ -44,8 +43,6 @@ class Definitions(dict[str, Any]):
         found = {key: self._linked(part, renamed) for key, part in schema.items()}
         if "$ref" in found:
             found["$ref"] = "#/$defs/" + renamed[found["$ref"].removeprefix("#/$defs/")]
-        if found == UNDECLARED:
-            return {"$ref": "#/$defs/JsonDocument"}
         documented = isinstance(found.get("description"), str) and DOCUMENT in found["description"]
         if documented and set(found) <= {"type", "description", "default"}:
             return {"$ref": "#/$defs/" + ("JsonDocument" if found.get("type") == "object" else "AnyJson")}
