@@ -37,7 +37,8 @@ def flat_schema(union: Any, tag: str) -> dict[str, Any]:
             fields.setdefault(key, {}).setdefault(note, []).append(name)
             if simple not in kinds.setdefault(key, []):
                 kinds[key].append(simple)
-    properties: dict[str, Any] = {tag: {"type": "string", "enum": [f["properties"][tag]["const"] for f in forms]}}
+    names = [form["properties"][tag]["const"] for form in forms]
+    properties: dict[str, Any] = {tag: {"type": "string", "enum": names, "description": "which form"}}
     for key, notes in fields.items():
         described = "; ".join(
             f"{', '.join(names)}: {note}" if note else ", ".join(names) for note, names in notes.items()

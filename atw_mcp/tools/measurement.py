@@ -224,8 +224,8 @@ LENGTH_EXAMPLE = {"first_pixel": [40, 200], "second_pixel": [340, 200], "length"
 class LengthArgument(Argument):
     """A known length in the plane of motion, seen from the side or from above without perspective."""
 
-    first_pixel: Pixel
-    second_pixel: Pixel
+    first_pixel: Pixel = Field(description="u, v of one end [px]")
+    second_pixel: Pixel = Field(description="u, v of the other end [px]")
     length: float = Field(gt=0, le=1e4, description="[m]")
     view: Literal["side", "top"] = Field(
         default="side", description="side: x right, z up, motion at y = 0; top: x right, y up, motion on the floor"

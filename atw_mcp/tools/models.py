@@ -42,7 +42,7 @@ class PromptArgument(Argument):
 class ModelledObject(Argument):
     """An observed object the model is asked about."""
 
-    name: str = Field(min_length=1, max_length=64)
+    name: str = Field(min_length=1, max_length=64, description="name of the observed object")
     size: float | None = Field(default=None, gt=0, le=1e4, description="mesh: greatest extent [m]")
     mesh: str | None = Field(default=None, max_length=64, description="pose: id of its mesh")
 

@@ -65,7 +65,9 @@ class CorrectionArgument(Argument):
     mask is shadow in frame. rest: object does not move in frame..last_frame. merge: first, second are one; split:
     object is another one called name from frame on; rename: object, name; drop: object is none."""
 
-    kind: Literal["outline", "add", "place", "exclude", "shadow", "rest", "merge", "split", "rename", "drop"]
+    kind: Literal["outline", "add", "place", "exclude", "shadow", "rest", "merge", "split", "rename", "drop"] = Field(
+        description="what kind of correction"
+    )
     object: str | None = Field(default=None, max_length=64, description="the object concerned")
     frame: int | None = Field(default=None, ge=0, description="frame number")
     last_frame: int | None = Field(default=None, ge=0, description="exclude, rest: last frame for which it holds")

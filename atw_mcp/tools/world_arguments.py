@@ -47,7 +47,9 @@ class ShapeArgument(Argument):
     convex_mesh: vertices; mesh: the id of an imported mesh, of which a moving object takes the convex hull; open_box:
     half_extents and thickness, a bucket or tank open at the top, of five walls."""
 
-    kind: Literal["sphere", "box", "cylinder", "capsule", "convex_mesh", "mesh", "open_box"]
+    kind: Literal["sphere", "box", "cylinder", "capsule", "convex_mesh", "mesh", "open_box"] = Field(
+        description="form of the solid"
+    )
     radius: Length | None = Field(default=None, description="[m]")
     half_height: Length | None = Field(default=None, description="half the length along z [m]")
     half_extents: Annotated[list[Length], Field(min_length=3, max_length=3)] | None = Field(
@@ -123,8 +125,8 @@ class ObjectArgument(Argument):
     rolling_resistance: float | None = Field(default=None, ge=0, le=10, description="lever arm [m]")
     linear_damping: float | None = Field(default=None, ge=0, le=1000, description="[1/s]")
     angular_damping: float | None = Field(default=None, ge=0, le=1000, description="[1/s]")
-    color: str | None = Field(default=None, max_length=32)
-    material: str | None = Field(default=None, max_length=32)
+    color: str | None = Field(default=None, max_length=32, description="colour name, or #rrggbb")
+    material: str | None = Field(default=None, max_length=32, description="e.g. metal, rubber")
     position: Point | None = Field(default=None, description="centre of mass, of an object without a track [m]")
     orientation: Annotated[list[float], Field(min_length=4, max_length=4)] | None = Field(
         default=None, description="quaternion w, x, y, z"
@@ -159,13 +161,13 @@ def _tuple(values: list[float] | None) -> Any:
 class WallArgument(Argument):
     """An upright wall between two points on the floor."""
 
-    name: Name
+    name: Name = Field(description="its name in the world")
     start: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(description="x, y of one end [m]")
     end: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(description="x, y of the other end [m]")
     height: Length = Field(default=1.0, description="[m]")
     thickness: Length = Field(default=0.02, description="[m]")
-    friction: float | None = Field(default=None, ge=0, le=10)
-    restitution: float | None = Field(default=None, ge=0, le=1)
+    friction: float | None = Field(default=None, ge=0, le=10, description="Coulomb coefficient; default: the object's")
+    restitution: float | None = Field(default=None, ge=0, le=1, description="coefficient; default: the object's")
 
     def to_static(self, floor: float) -> StaticObject:
         """The engine's wall, standing on the floor."""
@@ -185,15 +187,15 @@ class WallArgument(Argument):
 class ObstacleArgument(Argument):
     """Something solid that does not move."""
 
-    name: Name
-    shape: ShapeArgument
+    name: Name = Field(description="its name in the world")
+    shape: ShapeArgument = Field(description="its shape and size")
     position: Point = Field(description="x, y, z of its centre [m]")
     orientation: Annotated[list[float], Field(min_length=4, max_length=4)] | None = Field(
         default=None, description="quaternion w, x, y, z"
     )
-    color: str | None = Field(default=None, max_length=32)
-    friction: float | None = Field(default=None, ge=0, le=10)
-    restitution: float | None = Field(default=None, ge=0, le=1)
+    color: str | None = Field(default=None, max_length=32, description="colour name, or #rrggbb")
+    friction: float | None = Field(default=None, ge=0, le=10, description="Coulomb coefficient; default: the object's")
+    restitution: float | None = Field(default=None, ge=0, le=1, description="coefficient; default: the object's")
 
     def to_statics(self, meshes: Meshes) -> list[StaticObject]:
         """The engine's static objects: one, or the five walls of an open_box."""
@@ -223,7 +225,7 @@ class ObstacleArgument(Argument):
 class EffectArgument(Argument):
     """A law beyond gravity, contact and damping."""
 
-    name: Name
+    name: Name = Field(description="its name in the world")
     kind: str = Field(max_length=64, description=f"expression, or a law of the catalogue: {', '.join(CATALOGUE)}")
     parameters: dict[str, float] = Field(default_factory=dict, description="values by parameter name, SI")
     objects: list[str] | None = Field(default=None, max_length=64, description="objects it acts on; default: all")

@@ -48,6 +48,7 @@ EXAMPLES: dict[str, str] = {
     "motor": '{"target_speed":3,"limit":0.5}',
     "region": '{"lower":[x,y,z],"upper":[x,y,z]}',
 }
+COLOR = "colour name, or #rrggbb"
 LONGEST = 10_000  # items of a list that the engine itself does not bound
 EXAMPLE = {"part": "rope", "name": "cord", "points": [[0, 0, 2], [1, 0, 2]], "linear_density": 0.05}
 
@@ -125,12 +126,16 @@ def takes(kind: str) -> str:
 
 def parts_schema() -> dict[str, Any]:
     """The schema of one part, as a flat object: every field of every kind with its type, and which kind has which."""
-    properties: dict[str, Any] = {"part": {"type": "string", "enum": list(part_kinds())}}
-    for model in part_kinds().values():
+    tag = {"type": "string", "enum": list(part_kinds()), "description": "kind of part"}
+    properties: dict[str, Any] = {"part": tag}
+    notes: dict[str, dict[str, list[str]]] = {}  # of each field: what it is, and in which kinds of parts
+    for kind, model in part_kinds().items():
         for name, schema in without_null(inlined(model.model_json_schema()))["properties"].items():
             if name in TAGS:
                 continue
             name, schema = ("color", {"type": "string"}) if name == "appearance" else (name, schema)
+            about = COLOR if name == "color" else schema["description"].split(". ")[0].rstrip(".")
+            notes.setdefault(name, {}).setdefault(about, []).append(kind)
             simple = _bare(schema)
             types = properties.setdefault(name, {"anyOf": [simple]})["anyOf"]
             if simple not in types:
@@ -138,8 +143,9 @@ def parts_schema() -> dict[str, Any]:
     for name, field in properties.items():
         if "anyOf" in field and len(field["anyOf"]) == 1:
             properties[name] = field["anyOf"][0]
-        if name in EXAMPLES:
-            properties[name]["description"] = EXAMPLES[name]
+        if name in notes:
+            texts = [f"{', '.join(owners)}: {about}" for about, owners in notes[name].items()]
+            properties[name]["description"] = "; ".join([*texts, *([EXAMPLES[name]] if name in EXAMPLES else [])])
     says = "; ".join(takes(kind) for kind in part_kinds())
     return {
         "type": "object",
@@ -160,7 +166,7 @@ def part_schema(kind: str) -> dict[str, Any]:
         **{key: value for key, value in schema["properties"].items() if key not in (*TAGS, "appearance")},
     }
     if kind in kinds():
-        schema["properties"]["color"] = {"type": "string", "description": "colour name, or #rrggbb"}
+        schema["properties"]["color"] = {"type": "string", "description": COLOR}
     return schema
 
 

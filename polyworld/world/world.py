@@ -53,7 +53,7 @@ from polyworld.world.shapes import StaticShape
 class StaticObject(Description):
     """Something that does not move: floor, wall, obstacle."""
 
-    name: Name
+    name: Name = Field(description="name, which nothing else in the world has")
     shape: StaticShape
     appearance: Appearance = Appearance()
     position: Vec3 = ORIGIN
@@ -87,7 +87,7 @@ class Components(Description):
 class Effect(Description):
     """A named law acting beyond the base model; see `polyworld.effects.CATALOGUE` and `polyworld.expressions`."""
 
-    name: Name
+    name: Name = Field(description="name, which nothing else in the world has")
     kind: str = Field(description="name of a law in the catalogue, or 'expression'")
     parameters: dict[str, float] = Field(default_factory=dict, description="values by parameter name, SI")
     objects: tuple[Name, ...] | None = Field(default=None, description="objects it acts on; default: all")

@@ -13,8 +13,8 @@ from polyworld.world.description import Description, Name, NonNegative, Positive
 class Region(Description):
     """An axis-aligned box of space."""
 
-    lower: Vec3
-    upper: Vec3
+    lower: Vec3 = Field(description="lower corner [m]")
+    upper: Vec3 = Field(description="upper corner [m]")
 
 
 class Attachment(Description):
@@ -26,7 +26,7 @@ class Attachment(Description):
     on what is held: one node is a pivot; `clamped` also holds the direction of a rope's end.
     """
 
-    name: Name
+    name: Name = Field(description="name, which nothing else in the world has")
     object: Name = Field(description="the rope, cloth or soft body")
     end: Literal["start", "end"] | None = Field(default=None, description="an end of a rope")
     nodes: tuple[int, ...] | None = Field(default=None, description="node indices; InspectWorld says where they are")

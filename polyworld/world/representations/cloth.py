@@ -57,7 +57,7 @@ class Cloth(Description):
     one, flat where `flat_at_rest`.
     """
 
-    name: Name
+    name: Name = Field(description="name, which nothing else in the world has")
     representation: Literal["cloth"] = "cloth"
     geometry: Annotated[Sheet | SurfaceMesh, Field(discriminator="kind")] = Field(
         description="the cloth at rest: a sheet (a parallelogram in divisions) or a triangle mesh. Results depend "

@@ -25,9 +25,11 @@ from polyworld.world.shapes import Box, Capsule, ConvexMesh, Cylinder, Sphere
 class FluidVolume(Description):
     """A part of space filled with a fluid at the start. What lies inside statics and bodies is left out."""
 
-    shape: Annotated[Box | Sphere | Cylinder | Capsule | ConvexMesh, Field(discriminator="kind")]
-    position: Vec3 = ORIGIN
-    orientation: Quaternion = IDENTITY
+    shape: Annotated[Box | Sphere | Cylinder | Capsule | ConvexMesh, Field(discriminator="kind")] = Field(
+        description="solid that the fluid fills at the start"
+    )
+    position: Vec3 = Field(default=ORIGIN, description="of the shape's origin [m]")
+    orientation: Quaternion = Field(default=IDENTITY, description="unit quaternion w, x, y, z of the shape")
 
 
 class Fluid(Description):
@@ -39,7 +41,7 @@ class Fluid(Description):
     slice one metre thick.
     """
 
-    name: Name
+    name: Name = Field(description="name, which nothing else in the world has")
     representation: Literal["fluid", "fluid_planar"] = "fluid"
     volumes: tuple[FluidVolume, ...] = Field(default=(), max_length=64, description="where it is at the start")
     density: Positive = Field(default=1000.0, description="density [kg/m^3]")
@@ -75,13 +77,13 @@ Schedule = tuple[Annotated[tuple[float, NonNegative], fixed_length(2)], ...]
 class Emitter(Description):
     """A round nozzle from which a fluid flows."""
 
-    name: Name
-    fluid: Name
+    name: Name = Field(description="name, which nothing else in the world has")
+    fluid: Name = Field(description="name of the fluid that comes out")
     position: Vec3 = Field(description="centre of the mouth [m]")
     direction: Vec3 = Field(default=(0.0, 0.0, -1.0), description="direction of the flow; normalised when used")
     radius: Positive = Field(description="radius of the mouth [m]; half the slot's width in a plane")
     rate: NonNegative = Field(description="volume per time [m^3/s]; per metre of thickness in a plane [m^2/s]")
-    start: NonNegative = 0.0
+    start: NonNegative = Field(default=0.0, description="begins at [s]")
     end: Positive | None = Field(default=None, description="stops at [s]; default: never")
     schedule: Schedule = Field(
         default=(), max_length=256, description="(time [s], factor on the rate) pairs, linear between; default: 1"
@@ -91,12 +93,12 @@ class Emitter(Description):
 class Drain(Description):
     """A box in which fluid vanishes, no faster than `rate`."""
 
-    name: Name
-    lower: Vec3
-    upper: Vec3
+    name: Name = Field(description="name, which nothing else in the world has")
+    lower: Vec3 = Field(description="lower corner [m]")
+    upper: Vec3 = Field(description="upper corner [m]")
     rate: NonNegative | None = Field(default=None, description="volume per time [m^3/s]; default: all that comes")
-    start: NonNegative = 0.0
-    end: Positive | None = None
+    start: NonNegative = Field(default=0.0, description="begins at [s]")
+    end: Positive | None = Field(default=None, description="stops at [s]; default: never")
     schedule: Schedule = Field(
         default=(), max_length=256, description="(time [s], factor on the rate) pairs, linear between"
     )
@@ -105,7 +107,7 @@ class Drain(Description):
 class Container(Description):
     """A box of space whose content is measured: at rest, or carried along by a rigid object."""
 
-    name: Name
+    name: Name = Field(description="name, which nothing else in the world has")
     lower: Vec3 = Field(description="lower corner at the start, world axes [m]")
     upper: Vec3 = Field(description="upper corner at the start, world axes [m]")
     object: Name | None = Field(default=None, description="rigid object it moves with; default: none, it stays")

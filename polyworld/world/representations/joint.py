@@ -32,7 +32,7 @@ class Motor(Description):
 
 
 class _Joint(Description):
-    name: Name
+    name: Name = Field(description="name, which nothing else in the world has")
     object: Name = Field(description="name of the rigid object that is held")
     other: Name | None = Field(default=None, description="name of the rigid object it is held to; default: the world")
     anchor: Vec3 = Field(description="the joint's point at the objects' start_time, world axes [m]")

@@ -24,7 +24,7 @@ from polyworld.world.shapes import BodyShape
 class RigidObject(Description):
     """A rigid body: shape, contact and damping parameters, and its state when it enters the simulation."""
 
-    name: Name
+    name: Name = Field(description="name, which nothing else in the world has")
     representation: Literal["rigid_planar", "rigid_spatial"] = Field(
         default="rigid_spatial",
         description="rigid_planar moves in environment.motion_plane with three degrees of freedom; "

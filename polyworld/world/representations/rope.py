@@ -18,7 +18,7 @@ class Rope(Description):
     many strands bends far more easily than that.
     """
 
-    name: Name
+    name: Name = Field(description="name, which nothing else in the world has")
     representation: Literal["rope", "rope_planar"] = Field(
         default="rope", description="rope_planar stays in environment.motion_plane and does not twist"
     )
@@ -63,7 +63,7 @@ class Pulley(Description):
     wheel turns, the bearing's dry torque, viscous torque and the wheel's inertia make them differ.
     """
 
-    name: Name
+    name: Name = Field(description="name, which nothing else in the world has")
     rope: Name = Field(description="name of the rope")
     centre: Vec3 = Field(description="centre of the wheel at the start [m]")
     axis: Vec3 = Field(default=(0.0, 1.0, 0.0), description="axis of the wheel; normalised when used")

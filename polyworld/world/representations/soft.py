@@ -30,11 +30,13 @@ class Soft(Description):
     outline is what a plane through `position`, parallel to that one, cuts out of `shape`.
     """
 
-    name: Name
+    name: Name = Field(description="name, which nothing else in the world has")
     representation: Literal["soft", "soft_planar"] = Field(
         default="soft", description="soft_planar deforms in environment.motion_plane only (plane stress)"
     )
-    shape: Annotated[Sphere | Box | Cylinder | Capsule | ConvexMesh | SurfaceMesh, Field(discriminator="kind")]
+    shape: Annotated[Sphere | Box | Cylinder | Capsule | ConvexMesh | SurfaceMesh, Field(discriminator="kind")] = Field(
+        description="form and size without forces"
+    )
     resolution: Positive | None = Field(
         default=None,
         description="edge length of the elements, which have nodes halfway too [m]; default: a third of its smallest "

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from atw_mcp.worlds.parts import part_kinds, part_schema
 from tests.atw_mcp.tools.contract_snapshots import FOLDER, full_contracts
 
 CONTRACTS = full_contracts()
@@ -71,6 +72,30 @@ def test_every_argument_is_typed_bounded_and_described(name: str) -> None:
                 assert {"minimum", "exclusiveMinimum"} & set(part), (
                     f"{name}.{argument}{path}: an integer without bounds"
                 )
+
+
+def undescribed(schema: Any, path: str) -> Iterator[str]:
+    """Fields of a schema, at any depth, that have no description."""
+    if isinstance(schema, list):
+        for part in schema:
+            yield from undescribed(part, path)
+    elif isinstance(schema, dict):
+        for name, part in schema.get("properties", {}).items():
+            if not part.get("description") and "const" not in part:
+                yield f"{path}.{name}"
+            yield from undescribed(part, f"{path}.{name}")
+        for key in ("items", "anyOf", "oneOf"):
+            yield from undescribed(schema.get(key), path)
+
+
+@pytest.mark.parametrize("name", sorted(CONTRACTS))
+def test_every_field_of_the_arguments_is_described(name: str) -> None:
+    assert list(undescribed(CONTRACTS[name]["inputSchema"], name)) == []
+
+
+@pytest.mark.parametrize("kind", sorted(part_kinds()))
+def test_every_field_of_a_part_is_described(kind: str) -> None:
+    assert list(undescribed(part_schema(kind), kind)) == []
 
 
 @pytest.mark.parametrize("name", sorted(CONTRACTS))
