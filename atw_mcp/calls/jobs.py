@@ -14,7 +14,7 @@ from mcp.shared.exceptions import MCPError
 from mcp_types import INTERNAL_ERROR
 
 from atw_mcp.calls.error_text import shortened
-from atw_mcp.calls.limits import Limits
+from atw_mcp.calls.limits import DEFAULT, Limits
 from atw_mcp.calls.results import Answer
 from evidence_store import Evidence, EvidenceStore, StoreError
 
@@ -99,17 +99,17 @@ class RunningJob:
     callers: int = 0
     held: bool = False
     stopped: str | None = None  # the limit that it exceeded
+    abandoned: bool = False  # its server ends
 
 
 class JobRunner:
     """Runs long work in threads, within limits of time and memory, and keeps its evidence record true."""
 
-    def __init__(self, store: EvidenceStore, limits: Limits) -> None:
+    def __init__(self, store: EvidenceStore, limits: Limits = DEFAULT) -> None:
         self._store = store
         self._limits = limits
         self._running: dict[str, RunningJob] = {}
         self._guard = threading.Lock()
-        self._stopping = False
 
     def start(self, tool: str, arguments: dict[str, object], work: LongWork) -> RunningJob:
         """Begin the work, or join it where a living process already does it.
@@ -160,9 +160,9 @@ class JobRunner:
     def shutdown(self, wait: float = 3.0) -> None:
         """Stop everything this process works on and mark it failed."""
         deadline = time.monotonic() + wait
-        self._stopping = True
         jobs = list(self._running.values())
         for job in jobs:
+            job.abandoned = True
             if job.progress is not None:
                 job.progress.cancel()
         for job in jobs:
@@ -201,7 +201,7 @@ class JobRunner:
                 kind = type(error).__name__
                 summary = f"{record.tool} failed unexpectedly ({kind}); the server's log has the details"
                 ended = replace(record, status="failed", summary=summary)
-        if self._stopping and ended.status == "failed" and unanswered is None:
+        if job.abandoned and ended.status == "failed" and unanswered is None:
             unanswered = _no_answer(ended.summary)
         try:
             self._close(ended, unanswered)
@@ -215,7 +215,7 @@ class JobRunner:
 
     def _halted(self, record: Evidence, job: RunningJob) -> Evidence:
         """Return the record of work that was asked to stop: cancelled, or failed where the reason is the server's."""
-        if self._stopping:
+        if job.abandoned:
             return self._interrupted(record)
         assert job.progress is not None
         at = _how_far(job.progress)

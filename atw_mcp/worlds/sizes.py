@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,13 +15,13 @@ from polyworld.model.soft import edge_length, predicted_elements
 from polyworld.solver.fluid.scene import thin_axis
 from polyworld.solver.fluid.seeding import predicted_particles
 from polyworld.world import World
-from polyworld.world.materials import PLANAR
+from polyworld.world.materials import PLANAR, material_of
 from polyworld.world.representations.cloth import Cloth, Sheet
-from polyworld.world.representations.fluid import Fluid
 from polyworld.world.representations.rope import Rope
 from polyworld.world.representations.soft import Soft
 
 STAND_INS: dict[str, dict[str, Any]] = {"soft": {"position": (0, 0, 0)}, "rope": {"points": ((0, 0, 0), (1, 0, 0))}}
+SOFT = "soft"
 BACKGROUND = 2_000  # elements of soft bodies, divided in about a second; more are divided as long work
 
 
@@ -81,9 +81,9 @@ def check_described(items: Sequence[Any], limits: Limits, planar: bool) -> None:
 
     planar: whether soft bodies may turn out to be slices, which have fewer elements.
     """
-    solid = tuple(item for item in items if not isinstance(item, Fluid))
-    flat = {"representation": f"soft{PLANAR}"}
-    least = tuple(item.model_copy(update=flat) if planar and isinstance(item, Soft) else item for item in solid)
+    solid = tuple(item for item in items if material_of(item).form != "liquid")
+    flat = {"representation": f"{SOFT}{PLANAR}"}
+    least = tuple(item.model_copy(update=flat) if planar and _is_soft(item) else item for item in solid)
     try:
         check_sizes(World.model_construct(deformables=least), limits)
     except ValueError:  # then in space, too, where what is acceptable is so in the plane as well
@@ -93,22 +93,26 @@ def check_described(items: Sequence[Any], limits: Limits, planar: bool) -> None:
 
 def takes_long(items: Sequence[Any]) -> bool:
     """Whether dividing the soft bodies among deformables takes more than a second or so."""
-    return sum(predicted_elements(item) for item in items if isinstance(item, Soft)) > BACKGROUND
+    return sum(predicted_elements(item) for item in items if _is_soft(item)) > BACKGROUND
 
 
 def sizes(world: World, limits: Limits, horizon: float) -> list[Size]:
     """Return what of a world has a size that a few numbers of its description decide."""
     found = []
     for item in world.deformables:
-        if isinstance(item, Soft):
-            found.append(_soft(item, limits))
-        elif isinstance(item, Cloth):
-            found.append(_cloth(item, limits))
-        elif isinstance(item, Rope):
-            cure = f"give fewer segments: {limits.segments:,} in all ropes"
-            found.append(Size("segments", float(item.segments), f"rope {item.name!r}", cure))
-    found += _fluids(world, limits, horizon)
-    return found
+        predict = _PREDICTED.get(material_of(item).kind)
+        if predict is not None:
+            found.append(predict(item, limits))
+    return found + _fluids(world, limits, horizon)
+
+
+def _is_soft(item: Any) -> bool:
+    return material_of(item).kind == SOFT
+
+
+def _rope(item: Rope, limits: Limits) -> Size:
+    cure = f"give fewer segments: {limits.segments:,} in all ropes"
+    return Size("segments", float(item.segments), f"rope {item.name!r}", cure)
 
 
 def _soft(item: Soft, limits: Limits) -> Size:
@@ -153,6 +157,10 @@ def _fluids(world: World, limits: Limits, horizon: float) -> list[Size]:
         cure = f"from its rate within {horizon:.4g} s; give a lower rate, an end, a shorter horizon or larger cells"
         found.append(Size("particles", count, f"emitter {emitter.name!r}", cure))
     return found
+
+
+_PREDICTED: dict[str, Callable[[Any, Limits], Size]] = {SOFT: _soft, "cloth": _cloth, "rope": _rope}
+"""By material; the sizes of others, which are registered, are not known beforehand."""
 
 
 def _up(value: float) -> str:

@@ -39,7 +39,7 @@ def served(store: Path) -> Iterator[str]:
                     if attempt.connect_ex(("127.0.0.1", port)) == 0:
                         break
                 time.sleep(0.1)
-            yield f"http://127.0.0.1:{port}/mcp"
+            yield f"http://127.0.0.1:{port}/mcp/{store.stem}"
         finally:
             process.terminate()
 
@@ -48,7 +48,7 @@ def served(store: Path) -> Iterator[str]:
 def test_nothing_is_lost_or_doubled(processes: bool, rounds: int, tmp_path: Path) -> None:
     path = tmp_path / "atw.db"
     created = EvidenceStore(path)
-    created.cases.add("ball", content="x", kind="data", path="/x", facts={})
+    created.cases.add("ball", content="x", kind="data", path="/x", facts={"bytes": 1})
     created.close()
     replies: list[dict[str, Any]] = []
 

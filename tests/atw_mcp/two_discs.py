@@ -36,7 +36,9 @@ def two_discs() -> World:
 def case_with(app: App, world: World, *, committed: bool, video: Path | None = None, name: str = "discs") -> Case:
     """A case whose only world is `world`."""
     path = str(video or "discs.csv")
-    app.store.cases.add(name, content=f"content of {path}", kind="video" if video else "data", path=path, facts={})
+    app.store.cases.add(
+        name, content=f"content of {path}", kind="video" if video else "data", path=path, facts={"bytes": 1}
+    )
     case = app.store.cases.get(name)
     app.keep_world(case, world, how="built")
     if committed:

@@ -187,7 +187,7 @@ def test_a_task_whose_process_is_gone_has_failed(store: Path) -> None:
     record = app.store.evidence.add(Evidence("FitWorld", {}, case="c", status="running", summary="fitting"))
     app.store.jobs.start(record.id, "key")
     task = app.store.tasks.open(record.id)
-    with app.store._connection.write() as database:
+    with app.store.connection.write() as database:
         database.conn.execute("UPDATE jobs SET pid = 2147483000, host = ?", [platform.node()])
     for _ in range(2):  # the second look reads what the first recorded
         state = task_state(app, task.id, "2026-07-28")

@@ -118,7 +118,7 @@ def test_a_server_that_ends_records_the_work_it_stops_and_closes_every_store(
         anyio.run(session, url)
     files = sorted(path.name for path in (tmp_path / "atw.stores").rglob("*") if path.is_file())
     assert files == ["lab.db"]  # the session that held no case leaves nothing
-    assert EvidenceStore(tmp_path / "atw.stores" / "named" / "lab.db").evidence.get("ev-2").status == "cancelled"
+    assert EvidenceStore(tmp_path / "atw.stores" / "named" / "lab.db").evidence.get("ev-2").status == "failed"
 
 
 def test_a_session_is_used_by_the_client_that_opened_it_only(tmp_path: Path) -> None:
