@@ -25,6 +25,7 @@ from atw_mcp.calls.limits import Limits
 VARIABLE = "ATW_MCP_ALLOW"
 DEMO = Path(__file__).resolve().parents[1] / "demo"  # shipped with the package, readable by everyone
 SYSTEM = tuple(Path(p) for p in ("/proc", "/sys", "/dev"))  # refused even below an allowed folder
+LONGEST = 4096  # characters of a path, PATH_MAX of Linux
 LISTED = 10  # names that an error lists
 SHOWN = 200  # characters of a path that an error repeats
 # A file that was opened and checked is read through its descriptor where the system shows those as files: whatever
@@ -134,6 +135,8 @@ class AllowedFiles:
         return re.sub("\0([0-9]+)\0", lambda found: kept[int(found[1])], text)
 
     def _allowed(self, text: str) -> Path:
+        if len(text) > LONGEST:  # resolving it would look at every folder on the way
+            raise FileRefused(self._outside(text))
         try:
             path = Path(os.path.realpath(Path(text).expanduser()))
         except (OSError, ValueError, RuntimeError) as error:  # NUL, a loop of links, an unknown user's home
