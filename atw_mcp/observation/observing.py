@@ -177,7 +177,7 @@ def derivation(
             break
     else:
         step = f"ObserveObjects(case={case.id!r}) or " if case.kind == "video" else ""
-        raise ValueError(f"case {case.id!r} has no tracks yet. Next: {step}ImportObservation(case={case.id!r})")
+        raise ValueError(_no_tracks(app, case, f"{step}ImportObservation(case={case.id!r})"))
     cameras = app.store.cases.observations(case.id, "camera")
     if not cameras:
         raise ValueError(
@@ -304,11 +304,22 @@ def tracks_of_observation(app: App, case: Case, observation: str) -> TrackRecord
     return None
 
 
+def _no_tracks(app: App, case: Case, step: str) -> str:
+    """Say that a case has no tracks, and what there is to do with a recording where it has one."""
+    if not app.store.cases.observations(case.id, "recording"):
+        return f"case {case.id!r} has no tracks yet. Next: {step}"
+    return (
+        f"case {case.id!r} has a recording and no tracks: there BuildWorld takes objects with name, shape and "
+        "position, FindDiscrepancy and ProposeEffects fit recordings, FitWorld and the other tools need tracks. Next: "
+        f"BuildWorld(case={case.id!r}, objects=[...]), or ImportObservation(case={case.id!r}, kind='tracks')"
+    )
+
+
 def track_record(app: App, case: Case, identifier: str | None) -> TrackRecord:
     """The track record asked for, else the latest of the case; raises ValueError naming the records there are."""
     record = read_record(app.store, case, identifier)
     if record is None:
-        raise ValueError(f"case {case.id!r} has no tracks yet. Next: ImportObservation(case={case.id!r})")
+        raise ValueError(_no_tracks(app, case, f"ImportObservation(case={case.id!r})"))
     return record
 
 

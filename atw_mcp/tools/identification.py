@@ -197,11 +197,12 @@ def _keep_fit(
     result = run.result
     document = plain(digest(run)) | {"position_tolerance": inputs["request"]["position_tolerance"]}
     with app.store.transaction():
+        if run.start is not None and run.start.id != start.id:  # it has a law of resistance that the fit found
+            # Before the fitted world, which is to be the latest draft.
+            app.keep_world(case, run.start, how="given", parent=start, detail={"fit": "resistance"})
         _add_to_case(app, case, start, result.world, inputs, observation, document["verdict"])
         if run.sample is not None:
             assert run.start is not None
-            if run.start.id != start.id:  # it has a law of resistance that the fit found
-                app.keep_world(case, run.start, how="given", parent=start, detail={"fit": "resistance"})
             keep_sample(app, result.world, run.start, run.sample)
         if result.status == "completed":  # a cancelled fit depends on when it was cancelled: do not reuse it
             app.store.fits.put("fit", inputs, document)

@@ -13,9 +13,10 @@ from atw_mcp.calls.results import Answer, damage_note, explained
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.cases import cases
 from atw_mcp.results.observation import CaseList, OpenedCase
-from evidence_store import Case
+from evidence_store import Case, StoreError
 
 GROUP = ToolGroup("world construction")
+DESCRIBED = "described"  # content of cases without a file
 
 
 @GROUP.tool("OpenCase", title="Open a case", read_only=False, files=True, returns=OpenedCase | CaseList)
@@ -27,7 +28,7 @@ def open_case(
     name: Annotated[
         str | None,
         Field(
-            description="id for the case; a new one opens the file again, independently",
+            description="id for the case; a new one opens the file again; alone, a case of a described world",
             pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$",
         ),
     ] = None,
@@ -42,8 +43,10 @@ def open_case(
     if len(given) > 1:
         raise ToolError(f"OpenCase takes one of video, data or case, got {' and '.join(given)}")
     if not given:
-        if name is not None or questions:
-            raise ToolError("OpenCase needs a file to open with it: video=PATH, data=PATH or case=ID")
+        if name is not None:
+            return _case_answer(app, _described_case(app, name, questions or []))
+        if questions:
+            raise ToolError("OpenCase needs a case to keep questions with: video=PATH, data=PATH, case=ID or name=NEW")
         listed = [
             {"case": c.id, "path": app.files.shown(c.path), "committed_world": c.committed_world}
             for c in app.store.cases.all()
@@ -72,6 +75,18 @@ def open_case(
     return _case_answer(app, found)
 
 
+def _described_case(app: App, name: str, questions: list[str]) -> Case:
+    """Open a case without a file; raises ToolError where the name is that of another."""
+    try:
+        with app.store.transaction():
+            found = app.store.cases.add(name, content=DESCRIBED, kind="data", path="", facts={"bytes": 0})
+            for question in questions:
+                app.store.cases.add_question(found.id, question)
+    except StoreError as error:
+        raise ToolError(f"{error}. Next: OpenCase(case={name!r}) continues it") from error
+    return found
+
+
 def _video_facts(path: Path) -> dict[str, Any]:
     from atw_mcp.perception.video import probe  # OpenCV: opening a video is all that needs it
 
@@ -90,13 +105,15 @@ def _case_answer(app: App, case: Case) -> Answer:
         step = f"FitWorld(case={case.id!r}) or CommitWorld"
     elif observations:
         step = f"BuildWorld(case={case.id!r})"
+    elif case.content == DESCRIBED:
+        step = f"BuildWorld(case={case.id!r}, objects=[...] with name, shape and position)"
     elif case.kind == "video":
         step = f"ObserveObjects(case={case.id!r}), or ModelVideo(case={case.id!r}, ...) to model it in one call"
     else:
         step = f"ImportObservation(case={case.id!r}, kind='tracks' (or 'recording': several runs), path={shown!r})"
     stage = "World Modeling" if case.committed_world is None else "World Probing"
     return Answer(
-        summary=f"case {case.id} ({stage}): {case.kind} {shown}",
+        summary=f"case {case.id} ({stage}): {f'{case.kind} {shown}' if shown else 'no file'}",
         data={
             "case": case.id,
             "stage": stage,

@@ -145,6 +145,9 @@ def query_world(
 def _statement(app: App, case: Case, world: World, given: Any, what: str) -> Predicate:
     statement = tagged(given, Predicate, "predicate", what=what, example=STATEMENT_EXAMPLE)
     read: Predicate = read_form(with_own_names(app, case, world, statement), Predicate, "predicate", what=what)
+    both = [getattr(read, side, None) for side in ("a", "b")]
+    if both[0] is not None and both[0] == both[1]:
+        raise ToolError(f"{what}: a and b are both {both[0]!r}: name another object as b")
     return read
 
 

@@ -48,7 +48,7 @@ def checked_horizon(world: World, seconds: float | None, sample: float | None = 
         raise ToolError(
             f"horizon_seconds must be above 0 and at most {longest:.6g} s ({int(longest / frame)} frames of "
             f"{frame:g} s in steps of {world.time.substep:g} s{_crowd(world)}"
-            + (f", with sample_seconds={step:g}" if sample is not None else "")
+            + (f", with sample_seconds={step:g}: a longer one allows more" if sample is not None else "")
             + f"), got {seconds:g}"
         )
     return seconds

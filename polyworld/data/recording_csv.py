@@ -107,7 +107,7 @@ def _default_object(header: Header, objects: Sequence[str]) -> str:
         known = f"the world has {len(objects)}: {', '.join(objects)}" if objects else "no world names it"
         raise ValueError(
             f"line {header.line}: column object is missing, and not just one object could be meant: {known}; "
-            "add the column, with the object's name in every row"
+            "add the column, with the object's name in every row, or build a world with the one object first"
         )
     return objects[0]
 

@@ -58,7 +58,7 @@ class Localisation:
     def summary(self) -> str:
         """Describe in words where the gap is."""
         if self.ratio < 1.0 + self.clear * self.error:
-            return f"Residuals are those of noise everywhere (smooth part {self.ratio:.2g} times noise)."
+            return f"On the whole, residuals are those of noise (smooth part {self.ratio:.2g} times noise)."
         text = f"Smooth residuals are {self.ratio:.3g} times those of noise"
         contrasts = []
         for name, levels in self.factors.items():

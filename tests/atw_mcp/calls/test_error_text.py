@@ -48,7 +48,7 @@ HOSTILE: list[tuple[str, dict[str, Any], str]] = [
     ("BuildWorld", {"case": "draft", "objects": [{"name": 5}] * 100_000}, "not 100000"),
     ("BuildWorld", {"case": "draft", "world": {"objects": [{"x": 1}] * 5_000}}, "and 19,992 more"),
     ("BuildWorld", {"case": "draft", "world": {LONG: 1}}, "is not known"),
-    ("OpenCase", {"video": LONG}, "left out"),
+    ("OpenCase", {"video": LONG}, "not in a folder whose files may be read"),
     ("OpenCase", {LONG: 1}, "has no argument"),
     ("Rollout", {"case": LONG}, "cases:"),
     ("Rollout", {"case": "discs", "edits": [{"action": LONG}]}, "there are remove"),

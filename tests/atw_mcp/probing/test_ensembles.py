@@ -241,6 +241,7 @@ def test_the_members_of_a_world_that_got_a_law_of_resistance_have_it(tmp_path: P
     session("BuildWorld", case="throw", objects=[{"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}}])
     fitted = session("FitWorld", case="throw", method="prefixes", patience_seconds=300)
     assert [law["name"] for law in fitted["data"]["resistance"] if law["kept"]] == ["quadratic_damping"]
+    assert session("InspectWorld", case="throw")["data"]["world"] == fitted["data"]["world"]  # the latest draft
     session("CommitWorld", case="throw", world=fitted["data"]["world"])
     end = float(times[-1])
     rolled = session("Rollout", case="throw", horizon_seconds=end, ensemble=20)["data"]["rollout"]

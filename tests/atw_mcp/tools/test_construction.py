@@ -227,3 +227,16 @@ def test_a_cancelled_fit_keeps_the_best_found_and_is_not_reused(session: Session
 
     assert anyio.run(cancel) == "cancelled"
     assert session.store_rows("SELECT count(*) FROM fits") == [(0,)]
+
+
+def test_a_world_is_described_without_any_file(session: Session) -> None:
+    """A ball thrown level from 2 m: its surface meets the floor after sqrt(2 (2 - 0.1) / g)."""
+    opened = session("OpenCase", name="throw", questions=["When does it land?"])
+    assert "BuildWorld" in opened["data"]["next"]
+    ball = {"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}, "position": [0, 0, 2], "velocity": [3, 0, 0]}
+    built = session("BuildWorld", case="throw", objects=[ball])
+    session("CommitWorld", case="throw", world=built["source"]["world"])
+    rollout = session("Rollout", case="throw", horizon_seconds=1.0)["source"]["rollout"]
+    events = session("ReadEvents", rollout=rollout, floor=True)["data"]["events"]
+    assert events[0]["time"] == pytest.approx((2 * 1.9 / 9.81) ** 0.5, abs=1e-4)
+    assert session("OpenCase", name="throw")["data"]["questions"] == ["When does it land?"]

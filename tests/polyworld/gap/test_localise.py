@@ -24,7 +24,7 @@ def located(plan: Design) -> Localisation:
 def test_noise_alone_is_alike_everywhere() -> None:
     found = located(flight_design(np.random.default_rng(0), white, 0.01))
     assert found.ratio == pytest.approx(1.0, abs=0.3)
-    assert "noise everywhere" in found.summary()
+    assert "residuals are those of noise" in found.summary()
     assert not found.onsets
     assert all(level.ratio < 1.0 + 4.5 * level.error for levels in found.factors.values() for level in levels)
 
