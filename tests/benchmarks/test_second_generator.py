@@ -325,6 +325,7 @@ def test_kick_reflects() -> None:
     assert np.allclose(x, [0.8, 0.8 - 0.5])
 
 
+@pytest.mark.benchmark  # half a minute of two whole runs
 def test_command_line_is_reproducible(tmp_path: Path) -> None:
     texts = []
     for name in ("p", "q"):
