@@ -79,6 +79,7 @@ def calls(
     tool, arguments = draw(st.sampled_from(valid))
     properties = schemas[tool].get("properties", {})
     if way == "valid" or not properties:
+        draw(st.integers(0, 10**9))  # else Hypothesis, which repeats no example, would make each valid call but once
         return tool, arguments
     if way == "anything":
         names = st.sampled_from([*properties, "no_such_argument"])
