@@ -82,7 +82,9 @@ def test_nothing_is_lost_or_doubled(processes: bool, rounds: int, tmp_path: Path
     stored = {record.id: store.evidence.get(record.id) for record in store.evidence.of_case("ball")}
     assert len({reply["evidence"] for reply in replies}) == len(replies) == 2 * CLIENTS * rounds
     assert stored.keys() == {reply["evidence"] for reply in replies}
-    assert all(stored[reply["evidence"]].payload["data"] == reply["data"] for reply in replies)
+    whole = [reply for reply in replies if "shortened" not in reply]  # lists of many questions are cut
+    assert len(whole) >= CLIENTS * rounds
+    assert all(stored[reply["evidence"]].payload["data"] == reply["data"] for reply in whole)
     questions = store.cases.questions("ball")
     assert len(questions) == len(set(questions)) == rounds * (CLIENTS + 1)
     assert len(store.cases.bindings("ball")) == CLIENTS
