@@ -171,10 +171,9 @@ class ToolGroup:
         """Declare a tool. The function's docstring is the description the agent reads.
 
         read_only: whether it leaves the case as it is (the evidence record apart). idempotent: whether the same call
-        again changes nothing more. pictures: whether it
-        returns images, and therefore no structured content. files: whether it reads files that its arguments name, so
-        that the client's roots matter. returns: the model of the data that an agent is shown
-        (`atw_mcp/results`), or a union of models where the arguments decide on the form.
+        again changes nothing more. pictures: whether it returns images, and therefore no structured content. files:
+        whether it reads files that its arguments name, so that the client's roots matter. returns: the model of the
+        data that an agent is shown (`atw_mcp/results`), or a union of models where the arguments decide on the form.
         """
 
         def declare(function: ToolFunction) -> ToolFunction:

@@ -162,10 +162,7 @@ class StoreRouter:
             if path in self._open:
                 return self._open[path]
             if len(self._open) >= self._limits.stores:
-                wait = str(self._limits.retry_after_seconds)
-                raise Refused(
-                    503, f"{len(self._open)} stores are open, as many as allowed", headers={"retry-after": wait}
-                )
+                raise self._later(f"{len(self._open)} stores are open, as many as allowed")
             server = await anyio.to_thread.run_sync(self._build, path)
             lowlevel = server._lowlevel_server  # the SDK has no public way to one session manager a server
             lowlevel.instructions = (lowlevel.instructions or "") + note

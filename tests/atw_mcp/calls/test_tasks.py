@@ -52,8 +52,8 @@ async def until(store: Path, evidence: str, wanted: str, seconds: float = 10) ->
             await anyio.sleep(0.05)
 
 
-async def begun(store: Path) -> str:
-    """The evidence of work that has begun and is not asked to stop."""
+async def started(store: Path) -> str:
+    """The evidence of work that has started and is not asked to stop."""
     with anyio.fail_after(10):
         while True:
             jobs = [job for job in EvidenceStore(store).jobs.all() if not job.cancel_requested]
@@ -232,7 +232,7 @@ def test_closing_the_stream_of_a_call_over_http_stops_its_work(store: Path) -> N
 async def _given_up(client: Client, store: Path) -> None:
     async with anyio.create_task_group() as group:
         group.start_soon(_ignore, client, {"case": "c", "seconds": 40, "patience_seconds": 30})
-        evidence = await begun(store)
+        evidence = await started(store)
         group.cancel_scope.cancel()
     await until(store, evidence, "cancelled")
 

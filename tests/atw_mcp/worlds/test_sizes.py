@@ -119,10 +119,10 @@ def test_emitters_count_over_the_horizon_and_additions_before_they_are_made(sess
 def test_dividing_a_soft_body_is_long_work_that_stops_when_cancelled(session: Session, case: str) -> None:
     shape = {"kind": "capsule", "radius": 0.1, "half_height": 0.1}
     parts = [{**BALL, "shape": shape, "resolution": 0.015}]
-    begun = session("BuildWorld", case=case, parts=parts, only=[], patience_seconds=0)
-    assert begun["status"] == "running"
+    started = session("BuildWorld", case=case, parts=parts, only=[], patience_seconds=0)
+    assert started["status"] == "running"
     # The connection of the call is closed by now, and with it the server, which asks its work to stop.
-    ended = session("ReadEvidence", evidence=begun["evidence"])
+    ended = session("ReadEvidence", evidence=started["evidence"])
     assert (ended["status"], "call BuildWorld again" in ended["summary"]) == ("failed", True)
 
 
