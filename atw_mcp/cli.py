@@ -17,6 +17,7 @@ from atw_mcp import client_configuration, server_process, store_commands
 from atw_mcp.allowed_paths import add_allow, allowed_here
 from atw_mcp.calls.spelling import did_you_mean
 from atw_mcp.calls.toolsets import Selection, add_selection
+from atw_mcp.device_option import add_device
 from atw_mcp.gap import command as gap_command
 from atw_mcp.printing import print_reply, tool_line
 from atw_mcp.replies import ServerLost
@@ -98,6 +99,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_store(serve)
     add_allow(serve)
     add_selection(serve)
+    add_device(serve)
     serve.add_argument(
         "--limits", type=Path, metavar="FILE.toml", help="limits of what one call may ask for; also ATW_MCP_LIMITS"
     )
@@ -146,11 +148,13 @@ def _parser() -> argparse.ArgumentParser:
         "--output", type=Path, default=Path("atw-demo"), help="folder for the pictures (default: %(default)s)"
     )
     _add_store(demo)
+    add_device(demo)
     demo.set_defaults(command=_demo)
 
     for command in (call, run, shell):
         _add_store(command)
         add_allow(command)
+        add_device(command)
         command.add_argument("--indent", action="store_true", help="print indented JSON")
         command.add_argument(
             "--pictures",

@@ -32,6 +32,14 @@ def test_package_imports_nothing_from_above(package: str) -> None:
     assert not wrong
 
 
+def test_device_memory_is_read_and_written_in_one_module() -> None:
+    kept = ROOT / "polyworld" / "core" / "buffers.py"
+    assert ".numpy()" in kept.read_text()
+    named = (".numpy()", 'device="cpu"', "device='cpu'")
+    sources = [s for s in (ROOT / "polyworld").rglob("*.py") if s != kept]
+    assert not [str(s.relative_to(ROOT)) for s in sources if any(n in s.read_text() for n in named)]
+
+
 def test_perception_knows_nothing_of_mcp() -> None:
     sources = sorted((ROOT / "atw_mcp" / "perception").rglob("*.py"))
     assert not [s.name for s in sources if "mcp" in imported_packages(s)]

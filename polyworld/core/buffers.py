@@ -1,20 +1,68 @@
-"""Arrays, launches and captures of Warp, all on the device in use."""
+"""Arrays, launches and captures of Warp, all on the device in use.
+
+The device is chosen here and nowhere else: `use_device`, or the environment variable POLYWORLD_DEVICE; default the CPU.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import os
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from polyworld.core import warp_settings  # noqa: F401 before anything is launched
 from polyworld.core.capture_lock import CaptureLock
 
-DEVICE = "cpu"  # arrays are read and written in place as NumPy's, which only memory of the CPU allows
 Shape = int | tuple[int, ...]
 LOCK = CaptureLock()
+THREADS_PER_BLOCK = 256  # Warp's default on CUDA
+VARIABLE = "POLYWORLD_DEVICE"  # of the environment: the device to begin with
+_chosen: Any = wp.get_device("cpu")
+_OVERRIDE: ContextVar[Any] = ContextVar("device", default=None)
+
+
+def device() -> Any:
+    """Return the device that arrays are made on and kernels run on."""
+    return _OVERRIDE.get() or _chosen
+
+
+def use_device(name: str) -> None:
+    """Choose the device of all that is made from now on: "cpu", or "cuda", "cuda:0", ... where Warp finds such.
+
+    Simulators made before belong to the device used then. Raises ValueError for a device that is not there.
+    """
+    global _chosen
+    there = [d.alias for d in wp.get_devices()]
+    valid = [*there, "cuda"] if "cuda:0" in there else there
+    if name not in valid:
+        raise ValueError(f"no device {name!r}; this machine has {', '.join(valid)}")
+    _chosen = wp.get_device(name)
+
+
+@contextmanager
+def on_cpu() -> Iterator[None]:
+    """Make arrays and run kernels on the CPU in this context, whatever device is chosen."""
+    token = _OVERRIDE.set(wp.get_device("cpu"))
+    try:
+        yield
+    finally:
+        _OVERRIDE.reset(token)
+
+
+def threads_serve() -> bool:
+    """Return whether several launches at once use more of the device than one does: on a CPU each takes one core."""
+    return bool(device().is_cpu)
+
+
+def on_host(values: Any) -> bool:
+    """Return whether NumPy can use an array's memory as it is."""
+    return bool(values.device.is_cpu)
 
 
 def running() -> AbstractContextManager[None]:
@@ -25,7 +73,7 @@ def running() -> AbstractContextManager[None]:
 def array(values: Any, dtype: Any) -> Any:
     """Return an array that holds `values`."""
     with LOCK.shared():
-        return wp.array(values, dtype=dtype, device=DEVICE)
+        return wp.array(values, dtype=dtype, device=device())
 
 
 def ints(values: Any) -> Any:
@@ -41,25 +89,25 @@ def doubles(values: Any) -> Any:
 def zeros(shape: Shape, dtype: Any) -> Any:
     """Return an array of zeros."""
     with LOCK.shared():
-        return wp.zeros(shape, dtype=dtype, device=DEVICE)
+        return wp.zeros(shape, dtype=dtype, device=device())
 
 
 def full(shape: Shape, value: Any, dtype: Any) -> Any:
     """Return an array that holds `value` everywhere."""
     with LOCK.shared():
-        return wp.full(shape, value, dtype=dtype, device=DEVICE)
+        return wp.full(shape, value, dtype=dtype, device=device())
 
 
 def empty(shape: Shape, dtype: Any) -> Any:
     """Return an array whose values are not set."""
     with LOCK.shared():
-        return wp.empty(shape, dtype=dtype, device=DEVICE)
+        return wp.empty(shape, dtype=dtype, device=device())
 
 
 def launch(kernel: Any, dim: Any, inputs: list[Any]) -> None:
     """Launch a kernel over `dim` threads."""
     with LOCK.shared():
-        wp.launch(kernel, dim=dim, inputs=inputs, device=DEVICE)
+        wp.launch(kernel, dim=dim, inputs=inputs, device=device())
 
 
 def clear(values: Any) -> None:
@@ -80,13 +128,71 @@ def assign(values: Any, new: Any) -> None:
         values.assign(new)
 
 
+def read(values: Any) -> NDArray[Any]:
+    """Return an array's values in NumPy, to be read only: its memory where that is the CPU's, else a copy."""
+    with LOCK.shared():
+        found: NDArray[Any] = values.numpy() if on_host(values) else values.numpy().copy()
+    return found
+
+
+def write(values: Any, new: Any, where: Any = ...) -> None:
+    """Copy `new` into an array, or into the part `where` of it, a NumPy index; both broadcast as in NumPy."""
+    with LOCK.shared():
+        if on_host(values):
+            values.numpy()[where] = new
+            return
+        content = values.numpy().copy()
+        content[where] = new
+        values.assign(content)
+
+
+def write_bytes(values: Any, content: Any) -> None:
+    """Copy a ctypes structure into the memory of an array of one."""
+    size = ctypes.sizeof(content)
+    if on_host(values):
+        ctypes.memmove(values.ptr, ctypes.addressof(content), size)
+        return
+    with LOCK.shared():
+        there: Any = wp.array(ptr=values.ptr, dtype=wp.uint8, shape=size, device=values.device)
+        wp.copy(there, wp.array(ptr=ctypes.addressof(content), dtype=wp.uint8, shape=size, device="cpu"))
+        wp.synchronize_device(values.device)
+
+
+class Mirror:
+    """An array's values in NumPy, looked up once: the array's own memory on the CPU, a copy of it elsewhere.
+
+    values: to be read after `pull` and written before `push`, both of which do nothing on the CPU.
+    """
+
+    def __init__(self, array: Any) -> None:
+        self._array = array
+        with LOCK.shared():
+            self._host: Any = array if on_host(array) else wp.clone(array, device="cpu")
+            self.values: NDArray[Any] = self._host.numpy()
+
+    def pull(self) -> NDArray[Any]:
+        """Take the array's values from its device, and return them."""
+        self._copy(self._array, self._host)
+        return self.values
+
+    def push(self) -> None:
+        """Give the array the values."""
+        self._copy(self._host, self._array)
+
+    def _copy(self, source: Any, target: Any) -> None:
+        if source is not target:
+            with LOCK.shared():
+                wp.copy(target, source)
+                wp.synchronize_device(device())
+
+
 @contextmanager
 def capture() -> Iterator[wp.ScopedCapture]:
     """Record the launches of this thread as a graph, the `graph` of what is yielded.
 
     Warp records whatever any thread does meanwhile, so the others wait.
     """
-    with LOCK.exclusive(), wp.ScopedCapture(device=DEVICE) as captured:
+    with LOCK.exclusive(), wp.ScopedCapture(device=device()) as captured:
         yield captured
 
 
@@ -96,6 +202,17 @@ def replay(graph: Any) -> None:
         wp.capture_launch(graph)
 
 
+def load_kernel(kernel: Any) -> None:
+    """Compile and load a kernel's module, before threads ask for it at the same time."""
+    with LOCK.shared():
+        chosen = device()
+        kernel.module.load(chosen, block_dim=1 if chosen.is_cpu else THREADS_PER_BLOCK)
+
+
 def load(modules: Iterable[Any], workers: int) -> None:
     """Compile and load modules of kernels, `workers` at a time."""
-    wp.force_load(device=DEVICE, modules=list(modules), max_workers=workers)
+    wp.force_load(device=device(), modules=list(modules), max_workers=workers)
+
+
+if VARIABLE in os.environ:
+    use_device(os.environ[VARIABLE])

@@ -90,8 +90,8 @@ class MeshSurface:
         place: Any = buffers.zeros(count, wp.vec3)
         inputs = [self._tree.id, asked, face, place]
         buffers.launch(_nearest, count, inputs)
-        u, v, sign = np.asarray(place.numpy(), dtype=float).T
-        a, b, c = (self._vertices[self._faces[face.numpy(), k]] for k in range(3))
+        u, v, sign = np.asarray(buffers.read(place), dtype=float).T
+        a, b, c = (self._vertices[self._faces[buffers.read(face), k]] for k in range(3))
         found = u[:, None] * a + v[:, None] * b + (1.0 - u - v)[:, None] * c
         return found, -sign * np.linalg.norm(points - found, axis=1)
 

@@ -67,7 +67,7 @@ def with_liquid(
             result,
         ],
     )
-    shaded: NDArray[np.float32] = result.numpy()
+    shaded: NDArray[np.float32] = buffers.read(result)
     return shaded
 
 

@@ -49,9 +49,9 @@ def liquid_surface(points: Array, grid: FluidGrid) -> Surface:
             values.append(corner_values)
     with buffers.running():
         surface: Any = sparse_marching_cubes_from_cells(
-            np.concatenate(cells).astype(np.int32), np.concatenate(values), device=buffers.DEVICE
+            np.concatenate(cells).astype(np.int32), np.concatenate(values), device=buffers.device()
         )
-    vertices, indices = (array.numpy() for array in surface)
+    vertices, indices = (buffers.read(array) for array in surface)
     places = lower + step * vertices.astype(float)
     if grid.closed:
         places = np.clip(places, grid.lower, grid.upper)

@@ -106,7 +106,7 @@ def cast_rays(camera: Camera, things: Sequence[Drawn]) -> Hits:
     background = wp.vec3(*(c / 255.0 for c in BACKGROUND))
     view = [pixel_to_ray(camera), wp.vec3(*light(camera)), background, _tile_size(camera)]
     buffers.launch(raycast.cast, shape, [scene, *view, *arrays])
-    labels, depth, normals, color = (array.numpy() for array in arrays)
+    labels, depth, normals, color = (buffers.read(array) for array in arrays)
     return Hits(labels, depth, normals, color, mesh)
 
 

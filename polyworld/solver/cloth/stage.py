@@ -78,9 +78,9 @@ class ClothStage:
         for o, (name, row) in enumerate(zip(self._names, self._rows, strict=True)):
             steps[:, o], rates[:, o] = self._material(values[:, o], self._frequencies[name], row)
         self._step = steps.min(axis=1)
-        self._surface.materials.numpy()[:] = values
-        self._damping.stages.numpy()[:] = stages_for(self._step * rates.max(axis=1))
-        launched, self._stages = self._stages, max(self._stages, int(self._damping.stages.numpy().max()))
+        buffers.write(self._surface.materials, values)
+        buffers.write(self._damping.stages, stages_for(self._step * rates.max(axis=1)))
+        launched, self._stages = self._stages, max(self._stages, int(buffers.read(self._damping.stages).max()))
         return self._stages > launched
 
     def _material(self, out: Any, frequencies: ClothFrequencies, row: dict[str, Array]) -> tuple[Array, Array]:
@@ -144,12 +144,12 @@ class ClothStage:
 
     def quantities(self, nodes: Nodes) -> dict[str, dict[str, Array]]:
         """See `readout.cloth_quantities`."""
-        x, angle, rate = nodes.x.numpy(), self._bending.angle.numpy(), self._bending.rate.numpy()
+        x, angle, rate = buffers.read(nodes.x), buffers.read(self._bending.angle), buffers.read(self._bending.rate)
         found: dict[str, dict[str, Array]] = {}
         edge = 0
         for name, g in self._geometry.items():
             own = x[:, self._first[name] : self._first[name] + len(g.nodes)]
-            material = self._surface.materials.numpy()[:, len(found)]
+            material = buffers.read(self._surface.materials)[:, len(found)]
             keep = slice(edge, edge + len(g.ends))
             found[name] = cloth_quantities(g, material, own, angle[:, keep], rate[:, keep])
             edge += len(g.ends)

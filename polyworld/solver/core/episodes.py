@@ -86,12 +86,13 @@ class ContactLog:
         self.record.count = buffers.zeros((n_worlds,), wp.int32)
         pairs = (n_worlds, len(self._names), len(self._others))
         self.record.open = buffers.zeros(pairs if record else (1, 1, 1), wp.int32)
-        self._open, self._count = self.record.open.numpy(), self.record.count.numpy()
+        self._open, self._count = buffers.Mirror(self.record.open), buffers.Mirror(self.record.count)
 
     def clear(self) -> None:
         """Empty the log: no contact has started."""
-        self._open[:] = -1
-        self._count[:] = 0
+        for kept, none in ((self._open, -1), (self._count, 0)):
+            kept.values[:] = none
+            kept.push()
 
     def events(
         self, w: int, end: float, what: str = "contacts", place: Callable[[Any], Array] | None = None
@@ -103,11 +104,11 @@ class ContactLog:
         """
         if not self.record.record:
             return ()
-        count = int(self._count[w])
+        count = int(self._count.pull()[w])
         if count > self._capacity:
             raise RuntimeError(f"{count} {what} began; room for {self._capacity}: shorten the horizon")
         found = []
-        for e in self.record.episodes.numpy()[w, :count]:
+        for e in buffers.read(self.record.episodes[w])[:count]:
             pair = tuple(sorted((self._names[e["a"]], self._others[e["b"]])))
             x, y, z = (float(v) for v in (e["position"] if place is None else place(e)))
             begin, last = float(e["begin"]), float(e["last"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from typing import Any
 
 from polyworld.core import buffers
@@ -17,7 +16,6 @@ def by_reference(record: Any, kind: Any, before: Any = None) -> Any:
     kind: the record's struct. before: an array to write it to. The array keeps the record, and so what it points to.
     """
     found: Any = buffers.empty(1, kind) if before is None else before
-    content = record.__ctype__()
-    ctypes.memmove(found.ptr, ctypes.addressof(content), ctypes.sizeof(content))
+    buffers.write_bytes(found, record.__ctype__())
     found.record = record
     return found

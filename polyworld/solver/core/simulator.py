@@ -98,18 +98,18 @@ class RigidSimulator(ABC):
         self.n_worlds = n_worlds
         self.sample_times = np.atleast_2d(np.asarray(sample_times, dtype=float))
         self.record_events = record_events
-        self.threads = threads or available_cores()
+        self.threads = (threads or available_cores()) if buffers.threads_serve() else 1
         self._table = schedules(self.world, self.sample_times)
         self._schedule = schedule_record(self._table, n_worlds)
         self._outcome = Outcome()
         self._outcome.diverged_object = buffers.zeros((n_worlds,), wp.int32)
         self._outcome.diverged_time = buffers.zeros((n_worlds,), wp.float64)
         self._outcome.overflowed = buffers.zeros((n_worlds,), wp.int32)
-        self._own, self._reach = self._schedule.own.numpy(), self._schedule.reach.numpy()
-        self._steps = self._schedule.steps.numpy()
-        self._diverged_object = self._outcome.diverged_object.numpy()
-        self._diverged_time = self._outcome.diverged_time.numpy()
-        self._overflowed = self._outcome.overflowed.numpy()
+        self._own, self._reach = buffers.Mirror(self._schedule.own), buffers.Mirror(self._schedule.reach)
+        self._steps = buffers.Mirror(self._schedule.steps)
+        self._diverged_object = buffers.Mirror(self._outcome.diverged_object)
+        self._diverged_time = buffers.Mirror(self._outcome.diverged_time)
+        self._overflowed = buffers.Mirror(self._outcome.overflowed)
         all_names = self.names + tuple(s.name for s in self.world.statics)
         self._log = ContactLog(n_worlds, self.names, all_names, record=record_events, capacity=episodes)
 
@@ -134,8 +134,8 @@ class RigidSimulator(ABC):
             angular_velocities=angular_velocities,
             active=self.sample_times[0, : batch.count, None] >= starts[None, :],
             diverged=batch.diverged,
-            diverged_time=self._diverged_time[: batch.worlds].copy(),
-            diverged_object=self._diverged_object[: batch.worlds].astype(np.int64),
+            diverged_time=self._diverged_time.values[: batch.worlds].copy(),
+            diverged_object=self._diverged_object.values[: batch.worlds].astype(np.int64),
             events=self._events(batch),
         )
 
@@ -146,22 +146,26 @@ class RigidSimulator(ABC):
         worlds = check_worlds(self.n_worlds, overrides, schedule)
         arrays = self.model.arrays(overrides)
         own = np.zeros(worlds, dtype=np.int64) if schedule is None else schedule
-        self._own[:worlds] = own
-        self._reach[:worlds] = self._table.segments(own, each)
-        self._diverged_object[:worlds] = -1
-        self._diverged_time[:worlds] = np.nan
-        self._overflowed[:] = 0
+        self._own.values[:worlds] = own
+        self._reach.values[:worlds] = self._table.segments(own, each)
+        outcome = (self._diverged_object, self._diverged_time, self._overflowed)
+        for kept, none in zip(outcome, (-1, np.nan, 0), strict=True):
+            kept.values[:] = none
+        for kept in (self._own, self._reach, *outcome):
+            kept.push()
         self._log.clear()
         self._write(arrays, worlds)
         if self.names:
             self._launch(worlds)
-        self._check_room(self._overflowed)
+        for kept in outcome:
+            kept.pull()
+        self._check_room(self._overflowed.values)
         return Batch(
             arrays=arrays,
             schedule=own,
             count=count,
             times=self.sample_times[own, :count] * arrays.time_scale,
-            diverged=self._diverged_object[:worlds] >= 0,
+            diverged=self._diverged_object.values[:worlds] >= 0,
         )
 
     def _launch(self, worlds: int) -> None:
@@ -173,17 +177,22 @@ class RigidSimulator(ABC):
             first, last = int(edges[index]), int(edges[index + 1])
             buffers.launch(kernel, last - first, self._inputs(first, index))
 
-        kernel.module.load(buffers.DEVICE, block_dim=1)  # before the threads ask for it
+        buffers.load_kernel(kernel)
         try:
             with interruption.current().stopping(self._skip_segments):
                 run_in_pool(piece, pieces, self.threads)
         except interruption.Interrupted:
-            self._steps[...] = self._table.steps
+            self._steps.values[...] = self._table.steps
+            self._steps.push()
             raise
 
     def _skip_segments(self) -> None:
-        """Leave a running kernel no more steps: it reads the number of them at the start of each segment."""
-        self._steps[...] = 0
+        """Leave a running kernel no more steps: it reads the number of them at the start of each segment.
+
+        On CUDA the copy waits for the kernel, which runs to its end.
+        """
+        self._steps.values[...] = 0
+        self._steps.push()
 
     @abstractmethod
     def _kernel(self) -> Any:

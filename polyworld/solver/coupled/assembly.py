@@ -79,7 +79,7 @@ def write_in_place(holder: Any, name: str, values: Any) -> bool:
     """Write values into holder.name in place; reallocate, and return True, where the shape differs."""
     kept = getattr(holder, name)
     if kept is not None and kept.shape == values.shape:
-        kept.numpy()[:] = values.numpy()
+        buffers.write(kept, buffers.read(values))
         return False
     setattr(holder, name, values)
     return True

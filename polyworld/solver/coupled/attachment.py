@@ -97,27 +97,29 @@ class Attachments:
             return inverse_mass
         rows = self._w if self._breakable else len(inverse_mass)
         held = np.broadcast_to(inverse_mass, (rows, inverse_mass.shape[1])).copy()
-        held[:, self._on_world.node.numpy()] = 0.0
+        held[:, buffers.read(self._on_world.node)] = 0.0
         return held
 
     def reset(self, nodes: Nodes) -> None:
         """Hold everything again, where the nodes and bodies are now: at their start."""
         f = self.fastenings
-        f.released.numpy()[:] = 0
-        f.when.numpy()[:] = np.nan
+        buffers.write(f.released, 0)
+        buffers.write(f.when, np.nan)
         kept: tuple[Any, ...] = (f.impulse, f.force, f.last_h, self._on_nodes.last, self._on_bodies.last)
         for values in kept:
-            values.numpy()[:] = 0.0
-        x = nodes.x.numpy()
-        self._on_world.position.numpy()[:] = x[:, self._on_world.node.numpy()]
+            buffers.write(values, 0.0)
+        x = buffers.read(nodes.x)
+        buffers.write(self._on_world.position, x[:, buffers.read(self._on_world.node)])
         held = self._on_bodies
-        node, first, bodies = held.node.numpy(), held.first.numpy(), held.body.numpy()
+        node, first, bodies = buffers.read(held.node), buffers.read(held.first), buffers.read(held.body)
         if len(bodies):
-            state = self._bodies.numpy()
+            state = buffers.read(self._bodies)
             for g, body in enumerate(bodies):
                 rows = slice(first[g], first[g + 1])
                 arms = x[:, node[rows]] - state["x"][:, body, None, :]
-                held.position.numpy()[:, rows] = np.einsum("wji,wkj->wki", state["rotation"][:, body], arms)
+                buffers.write(
+                    held.position, np.einsum("wji,wkj->wki", state["rotation"][:, body], arms), np.s_[:, rows]
+                )
 
     def launch_begin(self, nodes: Nodes, clock: Clock) -> None:
         """Launch the start of a coupling step: forces of the last one, and releases."""
@@ -166,14 +168,14 @@ class Attachments:
 
     def forces(self) -> dict[str, Array]:
         """Attachment -> force (W, 3) on the deformable object, mean of the last coupling step [N]."""
-        force = self.fastenings.force.numpy()
+        force = buffers.read(self.fastenings.force)
         return {
             a.name: force[:, k].copy() for k, a in enumerate(self.attachments) if not held_by_rope_stage(a, self.world)
         }
 
     def events(self, w: int) -> tuple[Event, ...]:
         """Return the releases of attachments of world w."""
-        released, when = self.fastenings.released.numpy()[w], self.fastenings.when.numpy()[w]
+        released, when = buffers.read(self.fastenings.released)[w], buffers.read(self.fastenings.when)[w]
         return tuple(
             Event("release", float(when[k]), (a.object,) if a.to is None else (a.object, a.to))
             for k, a in enumerate(self.attachments)

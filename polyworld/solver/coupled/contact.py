@@ -70,7 +70,7 @@ class Contacts:
         self.bounds.near = buffers.zeros((w, d, parts), wp.int32)
         bodies = [o.name for o in (*world.objects, *world.statics)]
         self._pairs = SurfacePairs(world, meshes, first, nodes, self.surface, len(bodies))
-        room = 64 + 2 * int(self.surface.exposed.numpy().sum()) + self.surface.edges.shape[0] + self._pairs.room()
+        room = 64 + 2 * int(buffers.read(self.surface.exposed).sum()) + self.surface.edges.shape[0] + self._pairs.room()
         self.found = layout.Found()
         # Left unwritten, so that room which is not needed takes no memory.
         self.found.contacts = buffers.empty((w, room), layout.Contact)
@@ -96,11 +96,11 @@ class Contacts:
 
     def reset(self) -> None:
         """Forget all contacts."""
-        self.found.count.numpy()[:] = 0
-        self.found.overflowed.numpy()[:] = 0
-        self.found.reaction.numpy()[:] = 0.0
-        self.found.kept_count.numpy()[:] = 0
-        self.found.latest.numpy()[:] = -1
+        buffers.write(self.found.count, 0)
+        buffers.write(self.found.overflowed, 0)
+        buffers.write(self.found.reaction, 0.0)
+        buffers.write(self.found.kept_count, 0)
+        buffers.write(self.found.latest, -1)
         self._pairs.reset()
         self._log.reset()
 
@@ -119,7 +119,7 @@ class Contacts:
 
     def overflowed(self) -> NDArray[np.bool_]:
         """Worlds (W,) that had more contacts than there is room for."""
-        return self.found.overflowed.numpy() > 0
+        return buffers.read(self.found.overflowed) > 0
 
     @property
     def room(self) -> int:

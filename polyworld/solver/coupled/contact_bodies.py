@@ -196,7 +196,7 @@ class CarriedBodies:
             "flying",
             "h",
         ):
-            getattr(self.carried, name).numpy()[:] = 0
+            buffers.write(getattr(self.carried, name), 0)
 
     def launch_begin(self, clock: Clock) -> None:
         """Launch what opens a coupling step."""

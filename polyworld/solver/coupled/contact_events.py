@@ -46,7 +46,7 @@ class DeformableContactLog:
 
     def reset(self) -> None:
         """Clear the log: no contact has started."""
-        self._tally.impulse.numpy()[:] = 0.0
+        buffers.write(self._tally.impulse, 0.0)
         self._log.clear()
 
     def launch(self) -> None:

@@ -39,10 +39,10 @@ def no_obstacles(n_worlds: int) -> Obstacles:
 
 def build_obstacles(geometry: layout.Geometry, bodies: Any) -> Obstacles:
     """Build the pieces of all bodies (W, B), in the order of their shapes."""
-    shapes = geometry.shapes.numpy()
-    vertices = geometry.vertices.numpy()
-    first = geometry.first_shape.numpy()
-    offset, rotation = geometry.offset.numpy(), geometry.rotation.numpy()
+    shapes = buffers.read(geometry.shapes)
+    vertices = buffers.read(geometry.vertices)
+    first = buffers.read(geometry.first_shape)
+    offset, rotation = buffers.read(geometry.offset), buffers.read(geometry.rotation)
     rows = np.zeros(int(first[-1]), dtype=Part.numpy_dtype())
     points: list[Array] = []
     owners: list[int] = []

@@ -67,8 +67,8 @@ class MassEffects:
         origin = arrays.time_origin[:, 0]
         same = self._origin is not None and self._origin.shape == origin.shape
         if same and self._effects.parameters.shape == values.shape:
-            self._effects.parameters.numpy()[:] = values
-            self._origin.numpy()[:] = origin
+            buffers.write(self._effects.parameters, values)
+            buffers.write(self._origin, origin)
             return False
         self._origin = buffers.doubles(origin)
         self._effects.kind = buffers.ints(arrays.effect_kind)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.solver.coupled.shard import Shard
 from polyworld.trajectory import Event
 
@@ -23,7 +24,7 @@ class Record:
         self.rigid = [np.full((w, count, n, k), np.nan) for k in (3, 4, 3, 3)]
         # Seen once, here: for every view of records NumPy parses their layout, and threads of CPython 3.11 that parse
         # at the same time were seen to fail (SystemError: AST constructor recursion depth mismatch).
-        self._bodies = shard.rigid.bodies.numpy()[:, :n] if n else None
+        self._bodies = buffers.Mirror(shard.rigid.bodies) if n else None
         sizes = shard.point_counts()
         asked = 48 * w * count * sum(sizes.values())
         if asked > MOST_BYTES:
@@ -38,10 +39,11 @@ class Record:
     def take(self, sample: int) -> None:
         """Keep the state of this moment as sample number `sample`."""
         shard = self.shard
-        live = shard.diverged_node.numpy() < 0
+        live = shard.live()
         if self._bodies is not None:
+            bodies = self._bodies.pull()[:, : len(self.shard.world.objects)]
             for values, name in zip(self.rigid, ("x", "q", "v", "w"), strict=True):
-                state = np.asarray(self._bodies[name], dtype=float)
+                state = np.asarray(bodies[name], dtype=float)
                 values[live, sample] = (np.roll(state, 1, axis=-1) if name == "q" else state)[live]
         for name, (x, v) in shard.points().items():
             self.points[name][live, sample] = x[live]

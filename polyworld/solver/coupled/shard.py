@@ -134,7 +134,7 @@ class Shard:
         return recapture
 
     def _reset(self, arrays: RigidArrays, fields: Fields) -> None:
-        x, v = self.nodes.x.numpy(), self.nodes.v.numpy()
+        x, v = np.zeros((*self.nodes.x.shape, 3)), np.zeros((*self.nodes.v.shape, 3))
         for item in self.solids:
             mesh = self.meshes[item.name]
             keep = self.rows(item.name)
@@ -147,10 +147,12 @@ class Shard:
                 spin = np.stack([state[f"angular_velocity.{a}"] for a in "xyz"], axis=1)
                 centre = (mesh.measure[:, None] * mesh.nodes).sum(axis=0) / mesh.measure.sum()
                 v[:, keep] += np.cross(spin[:, None], (mesh.nodes - centre)[None])
-        self.nodes.active.numpy()[:] = 0
-        self.clock.time.numpy()[:] = 0.0
-        self.diverged_node.numpy()[:] = -1
-        self.diverged_time.numpy()[:] = np.nan
+        buffers.write(self.nodes.x, x)
+        buffers.write(self.nodes.v, v)
+        buffers.write(self.nodes.active, 0)
+        buffers.write(self.clock.time, 0.0)
+        buffers.write(self.diverged_node, -1)
+        buffers.write(self.diverged_time, np.nan)
         for stage in self.stages:
             stage.reset()
         if self.rigid is not None and self.carried is not None:
@@ -166,42 +168,49 @@ class Shard:
             stable = np.minimum(stable, stage.stable_step())
         if not np.all(stable > 0.0):  # not a number too
             raise ValueError(f"no step is stable for these parameters: {stable.tolist()} s")
-        self.clock.inner_steps.numpy()[:] = np.maximum(np.ceil(longest / stable * (1.0 - 1e-12)), 1)
+        buffers.write(self.clock.inner_steps, np.maximum(np.ceil(longest / stable * (1.0 - 1e-12)), 1))
 
     def advance(self, segment: int) -> None:
         """Run the steps of one segment of the time table."""
         self.prepare()
         graphs = self._graphs
         assert graphs is not None
-        end = self.table.end[segment] * np.broadcast_to(self.time_scale.numpy(), (self.n_worlds,))
+        end = self.table.end[segment] * np.broadcast_to(buffers.read(self.time_scale), (self.n_worlds,))
         steps = int(self.table.steps[segment])
-        time, h = self.clock.time.numpy(), self.clock.h.numpy()
-        diverged = self.diverged_node.numpy()
         for left in range(steps, 0, -1):
             interruption.check()
-            h[:] = np.where(diverged >= 0, 0.0, (end - time) / left)
+            time, goes_on = buffers.read(self.clock.time), self.live()
+            buffers.write(self.clock.h, np.where(goes_on, (end - time) / left, 0.0))
             step.advance(self, graphs)
             self._note_diverged_bodies()
             self._note_overflow()
             if self.fluid is not None:
                 self._note_diverged_fluid(self.fluid)
-        time[:] = np.where(diverged >= 0, time, end)
+        buffers.write(self.clock.time, np.where(self.live(), end, buffers.read(self.clock.time)))
+
+    def live(self) -> NDArray[np.bool_]:
+        """Return which worlds (W,) have not diverged."""
+        found: NDArray[np.bool_] = buffers.read(self.diverged_node) < 0
+        return found
+
+    def _end(self, w: int, node: int) -> None:
+        """Mark world w as diverged now, at a node or what else `diverged_node` may hold."""
+        buffers.write(self.diverged_node, node, w)
+        buffers.write(self.diverged_time, buffers.read(self.clock.time)[w], w)
 
     def _note_overflow(self) -> None:
         """Mark worlds of full contact buffers as diverged at their fastest node; raise where a mesh is too fine."""
         overflowed = self.contacts.overflowed()
         if not overflowed.any():
             return
-        diverged = self.diverged_node.numpy()
-        for w in np.flatnonzero(overflowed & (diverged < 0)):
-            speed = np.linalg.norm(np.nan_to_num(self.nodes.v.numpy()[w], nan=np.inf), axis=1)
+        for w in np.flatnonzero(overflowed & self.live()):
+            speed = np.linalg.norm(np.nan_to_num(buffers.read(self.nodes.v)[w], nan=np.inf), axis=1)
             if self.n_worlds == 1 and speed.max() < BLOWN_UP:
                 raise RuntimeError(
                     f"more than {self.contacts.room} contacts of deformable objects at once, at "
-                    f"{self.clock.time.numpy()[w]:.6g} s: they overlap too much, or a mesh is too fine for them"
+                    f"{buffers.read(self.clock.time)[w]:.6g} s: they overlap too much, or a mesh is too fine for them"
                 )
-            diverged[w] = int(np.argmax(speed))
-            self.diverged_time.numpy()[w] = self.clock.time.numpy()[w]
+            self._end(w, int(np.argmax(speed)))
 
     def _note_diverged_fluid(self, fluid: FluidSolver) -> None:
         """End a world whose particle diverges; raise where a nozzle has no room for its fluid."""
@@ -210,21 +219,17 @@ class Shard:
                 f"more fluid was emitted than the {fluid.particles()[0].shape[1]} particles that there is room for: "
                 "lower the emitters' rates, or make the cells of the fluid grid larger"
             )
-        particle = fluid.diverged.numpy()
-        diverged = self.diverged_node.numpy()
-        for w in np.flatnonzero((particle >= 0) & (diverged < 0)):
-            diverged[w] = FLUID_DIVERGED + particle[w]
-            self.diverged_time.numpy()[w] = self.clock.time.numpy()[w]
+        particle = buffers.read(fluid.diverged)
+        for w in np.flatnonzero((particle >= 0) & self.live()):
+            self._end(w, FLUID_DIVERGED + particle[w])
 
     def _note_diverged_bodies(self) -> None:
         """Rigid objects whose state cannot be trusted end their world as nodes do."""
         if not self.world.objects:
             return
         body = self.rigid.diverged()
-        diverged = self.diverged_node.numpy()
-        for w in np.flatnonzero((body >= 0) & (diverged < 0)):
-            diverged[w] = RIGID_DIVERGED + body[w]
-            self.diverged_time.numpy()[w] = self.clock.time.numpy()[w]
+        for w in np.flatnonzero((body >= 0) & self.live()):
+            self._end(w, RIGID_DIVERGED + body[w])
 
     # --- what it is at this moment -------------------------------------------------------------
 
@@ -241,7 +246,7 @@ class Shard:
 
     def points(self) -> dict[str, tuple[Array, Array]]:
         """Positions and velocities (W, k, 3) of each deformable object's points."""
-        x, v = self.nodes.x.numpy(), self._settled_velocities()
+        x, v = buffers.read(self.nodes.x), self._settled_velocities()
         found = {}
         for name in self.first:
             keep = self.rows(name)
@@ -257,10 +262,11 @@ class Shard:
         """Velocities (W, N, 3) of the nodes now. What they carry is half a step of gravity ahead of how they move (see
         `motion.move`) where gravity is held up, so that much is taken off; where they fall freely, it is right.
         """
-        now, before, gravity = self.nodes.v.numpy(), self.before.numpy(), self.clock.gravity.numpy()[:, None]
-        dt = self.clock.h.numpy() / np.maximum(self.clock.inner_steps.numpy(), 1)
-        dt = np.where(self.clock.time.numpy() > 0.0, dt, 0.0)[:, None]
-        moves = (self.nodes.inverse_mass.numpy() > 0.0) & (self.nodes.active.numpy() > 0)
+        now, before = buffers.read(self.nodes.v), buffers.read(self.before)
+        gravity = buffers.read(self.clock.gravity)[:, None]
+        dt = buffers.read(self.clock.h) / np.maximum(buffers.read(self.clock.inner_steps), 1)
+        dt = np.where(buffers.read(self.clock.time) > 0.0, dt, 0.0)[:, None]
+        moves = (buffers.read(self.nodes.inverse_mass) > 0.0) & (buffers.read(self.nodes.active) > 0)
         pull = np.maximum(dt * (gravity**2).sum(axis=-1), 1e-300)
         falls = np.clip(((now - before) * gravity).sum(axis=-1) / pull, 0.0, 1.0)
         corrected: Array = now - (0.5 * dt * moves * (1.0 - falls))[..., None] * gravity
@@ -276,7 +282,7 @@ class Shard:
 
     def divergence(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
         """Return time [s], index of the moving object and of its element where each world diverged; NaN, -1, -1."""
-        node = self.diverged_node.numpy()
+        node = buffers.read(self.diverged_node)
         rigid_count = len(self.world.objects)
         objects = np.full(self.n_worlds, -1, dtype=np.int64)
         elements = np.full(self.n_worlds, -1, dtype=np.int64)
@@ -289,11 +295,11 @@ class Shard:
                 objects[w] = rigid_count + self.owners[self.fluid.names[max(number, 0)]]
                 elements[w] = node[w] - FLUID_DIVERGED
                 continue
-            owner = int(self.nodes.owner.numpy()[node[w]])
+            owner = int(buffers.read(self.nodes.owner)[node[w]])
             name = self.world.deformables[owner].name
             objects[w] = rigid_count + owner
             elements[w] = node[w] - self.first[name]
-        return self.diverged_time.numpy().copy(), objects, elements
+        return buffers.read(self.diverged_time).copy(), objects, elements
 
     def events(self, w: int, end: float) -> tuple[Event, ...]:
         """Contacts of world w up to the time `end`, in order of time."""

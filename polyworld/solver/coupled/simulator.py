@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
@@ -11,8 +10,10 @@ from contextvars import copy_context
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
+from polyworld.solver.core.thread_pool import available_cores
 from polyworld.solver.core.time_table import time_table
 from polyworld.solver.coupled.centres import centre_motion
 from polyworld.solver.coupled.fields import deformable_fields, split_overrides
@@ -25,7 +26,10 @@ Array = NDArray[np.float64]
 
 
 class CoupledSimulator:
-    """See `polyworld.solver.rollout.simulator`. Each thread runs a shard of the worlds; they share nothing."""
+    """See `polyworld.solver.rollout.simulator`. Each thread runs a shard of the worlds; they share nothing.
+
+    On the CPU alone: contacts and liquids are gathered by kernels that rely on its threads coming one after the other.
+    """
 
     def __init__(
         self,
@@ -45,13 +49,18 @@ class CoupledSimulator:
         self._table = time_table(world, self.sample_times)
         self._model = model
         self._meshes = self._model.meshes
-        count = min(n_worlds, threads or len(os.sched_getaffinity(0)))
+        count = min(n_worlds, threads or available_cores())
         edges = np.linspace(0, n_worlds, count + 1).astype(int)
         self._spans = [slice(int(a), int(b)) for a, b in itertools.pairwise(edges)]
-        self._shards = [Shard(model, self._table, s.stop - s.start, record_events) for s in self._spans]
+        with buffers.on_cpu():
+            self._shards = [Shard(model, self._table, s.stop - s.start, record_events) for s in self._spans]
 
     def run(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> BatchTrajectory:
         """Roll all variants out from their initial state, to the first `samples` sample times."""
+        with buffers.on_cpu():
+            return self._run(overrides, samples)
+
+    def _run(self, overrides: Mapping[str, Array] | None, samples: int | None) -> BatchTrajectory:
         count = len(self.sample_times) if samples is None else samples
         if not 1 <= count <= len(self.sample_times):
             raise ValueError(f"samples must lie in 1..{len(self.sample_times)}, got {samples}")

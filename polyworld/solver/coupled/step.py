@@ -115,7 +115,7 @@ def capture(shard: Shard) -> Graphs:
 def advance(shard: Shard, graphs: Graphs) -> None:
     """Take one coupling step of `clock.h`, in as many inner steps as the slowest world needs."""
     buffers.replay(graphs.begin)
-    left = int(shard.clock.inner_steps.numpy().max()) if shard.solids else 0
+    left = int(buffers.read(shard.clock.inner_steps).max()) if shard.solids else 0
     while left > 0:
         size = BLOCK if left >= BLOCK else 1
         buffers.replay(graphs.block if size == BLOCK else graphs.inner)

@@ -59,7 +59,7 @@ class SurfacePairs:
         self._bodies = bodies
         self._w = nodes.x.shape[0]
         may = touching_objects(world)
-        edges, owner = surface.edges.numpy(), nodes.owner.numpy()
+        edges, owner = buffers.read(surface.edges), buffers.read(nodes.owner)
         self.any = bool(may.any()) and len(edges) > 0
         if not self.any:
             return
@@ -68,9 +68,9 @@ class SurfacePairs:
         owners = owner[edges[:, 0]]
         rope = np.array([material_of(d).form == "line" for d in world.deformables])
         on_rope = rope[owners] & may.any(axis=1)[owners]
-        solid = surface.one_sided.numpy() > 0
+        solid = buffers.read(surface.one_sided) > 0
         cross = may * ~np.outer(solid, solid)  # an edge in a solid does not know which way is out
-        exposed = np.flatnonzero(surface.exposed.numpy() * may.any(axis=1)[owner]).astype(np.int32)
+        exposed = np.flatnonzero(buffers.read(surface.exposed) * may.any(axis=1)[owner]).astype(np.int32)
         kept = np.flatnonzero(cross.any(axis=1)[owners]).astype(np.int32)
         has_faces = surface.triangles.shape[0] > 0
         pairs = Pairs()
@@ -102,7 +102,7 @@ class SurfacePairs:
         pairs.longest = float(lengths[kept].max(initial=0.0))
         pairs.skin = SKIN * float(np.median(lengths))
         self._pairs = pairs
-        pairs.thickest = float(surface.radius.numpy()[exposed].max())
+        pairs.thickest = float(buffers.read(surface.radius)[exposed].max())
         cell = 2.0 * float(np.median(lengths)) + 2.0 * pairs.thickest
         self._grid = make_grid(self._w, len(exposed), cell)
         self._edge_grid = make_grid(self._w, len(kept), max(cell, pairs.longest))
@@ -114,10 +114,10 @@ class SurfacePairs:
     def reset(self) -> None:
         """Mark the lists as due."""
         if self.any:
-            self._pairs.margin.numpy()[:] = 0.0
-            self._pairs.face_count.numpy()[:] = 0
-            self._pairs.crossing_count.numpy()[:] = 0
-            self._pairs.side_count.numpy()[:] = 0
+            buffers.write(self._pairs.margin, 0.0)
+            buffers.write(self._pairs.face_count, 0)
+            buffers.write(self._pairs.crossing_count, 0)
+            buffers.write(self._pairs.side_count, 0)
 
     def launch(self, nodes: Nodes, clock: Clock, bounds: Bounds, found: Found) -> None:
         """Launch the search; adds to `found` what may touch within the coupling step."""

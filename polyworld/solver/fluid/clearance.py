@@ -36,5 +36,5 @@ def clearance(world: World, points: Array) -> Array:
             out,
         ],
     )
-    result: Array = out.numpy()
+    result: Array = buffers.read(out)
     return result

@@ -93,9 +93,9 @@ class FluidSolver:
             r.particles = storage.particle_arrays(self.grid, self.n_worlds, needed)
             self.reset()
             recapture = True
-        thickest = float((r.liquids.viscosity.numpy() / r.liquids.density.numpy()).max(initial=0.0))
+        thickest = float((buffers.read(r.liquids.viscosity) / buffers.read(r.liquids.density)).max(initial=0.0))
         viscous = self.world.time.substep * thickest / float(self.grid.cell) ** 2 > INVISCID
-        tense = bool((r.liquids.surface_tension.numpy() > 0.0).any())
+        tense = bool((buffers.read(r.liquids.surface_tension) > 0.0).any())
         recapture |= (viscous, tense) != (r.viscous, r.tense)
         if tense != r.tense:
             r.tension = storage.tension_arrays(self.grid, self.n_worlds, tense)
@@ -112,12 +112,12 @@ class FluidSolver:
         buffers.fill(p.fluid, -1)
         buffers.clear(p.gradient)
         if seeded:
-            p.x.numpy()[:, :seeded] = np.concatenate([s.nodes for s in self._seeds])
+            buffers.write(p.x, np.concatenate([s.nodes for s in self._seeds]), np.s_[:, :seeded])
             v = np.repeat(np.array([f.velocity for f in self.fluids]), counts, axis=0)
             if self.grid.thin >= 0:
                 v[:, self.grid.thin] = 0.0
-            p.v.numpy()[:, :seeded] = v
-            p.fluid.numpy()[:, :seeded] = np.repeat(np.arange(len(counts)), counts)
+            buffers.write(p.v, v, np.s_[:, :seeded])
+            buffers.write(p.fluid, np.repeat(np.arange(len(counts)), counts), np.s_[:, :seeded])
         buffers.fill(p.used, seeded)
         buffers.clear(self.records.fields.pressure)
         buffers.fill(self.records.pace.diverged, -1)
@@ -148,8 +148,8 @@ class FluidSolver:
     def particles(self) -> tuple[Array, Array, NDArray[np.int32]]:
         """Positions (W, P, 3), velocities (W, P, 3), nan where absent, and fluid (W, P), -1 where absent."""
         p = self.records.particles
-        fluid = p.fluid.numpy().copy()
-        x, v = p.x.numpy().copy(), p.v.numpy().copy()
+        fluid = buffers.read(p.fluid).copy()
+        x, v = buffers.read(p.x).copy(), buffers.read(p.v).copy()
         x[fluid < 0], v[fluid < 0] = np.nan, np.nan
         return x, v, fluid
 
@@ -165,8 +165,8 @@ class FluidSolver:
 
     def flow(self) -> dict[str, Array]:
         """Volume (W,) that each emitter has sent, and each drain has taken, so far [m^3]; [m^2] in a plane."""
-        sent = self.records.sources.emitted.numpy() * self.particle_volume
-        taken = self.records.sources.drained.numpy() * self.particle_volume
+        sent = buffers.read(self.records.sources.emitted) * self.particle_volume
+        taken = buffers.read(self.records.sources.drained) * self.particle_volume
         flows = {e.name: sent[:, i].copy() for i, e in enumerate(self.world.emitters)}
         flows.update({d.name: taken[:, i].copy() for i, d in enumerate(self.world.drains)})
         return flows
@@ -186,7 +186,7 @@ class FluidSolver:
         out = storage.zeros((self.n_worlds, len(points)), wp.float64)
         at: Any = buffers.array(np.ascontiguousarray(points, dtype=float), wp.vec3d)
         buffers.launch(pressure.read_cells, out.shape, [self.grid, rows, at, out])
-        result: Array = out.numpy()
+        result: Array = buffers.read(out)
         return result
 
     @property
@@ -197,7 +197,7 @@ class FluidSolver:
     @property
     def substeps(self) -> NDArray[np.int32]:
         """Sub-steps (W,) that the last coupling step took."""
-        result: NDArray[np.int32] = self.records.pace.steps.numpy()
+        result: NDArray[np.int32] = buffers.read(self.records.pace.steps)
         return result
 
     @property
@@ -208,7 +208,7 @@ class FluidSolver:
     @property
     def full(self) -> NDArray[np.bool_]:
         """Worlds (W,) in which an emitter found no room for a particle."""
-        result: NDArray[np.bool_] = self.records.sources.full.numpy() > 0
+        result: NDArray[np.bool_] = buffers.read(self.records.sources.full) > 0
         return result
 
 
@@ -228,7 +228,7 @@ def _write(holder: Any, name: str, columns: list[Array]) -> bool:
     values = np.stack([np.broadcast_to(c, (rows,)) for c in columns], axis=1)
     kept = getattr(holder, name)
     if tuple(kept.shape) == values.shape:
-        kept.numpy()[:] = values
+        buffers.write(kept, values)
         return False
     setattr(holder, name, buffers.array(np.ascontiguousarray(values, dtype=float), wp.float64))
     return True

@@ -92,7 +92,7 @@ def wetted_arrays(grid: layout.Grid, solids: layout.Solids, worlds: int) -> layo
     """Room for the faces that bodies cover: three layers of cells around a ball that holds each solid."""
     w, n = worlds, max(solids.bodies, 1)
     capacity = 1
-    for solid in solids.solids.numpy()[: solids.moving]:
+    for solid in buffers.read(solids.solids)[: solids.moving]:
         r = min(float(solid["bound"]), 1e3) / grid.cell + 2.0
         layers = 4.0 * np.pi * r**2 * 4.0 if grid.thin < 0 else 2.0 * np.pi * r * 4.0
         capacity += int(min(layers, grid.cells) * 3)

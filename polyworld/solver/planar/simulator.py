@@ -104,6 +104,7 @@ class PlanarSimulator(RigidSimulator):
         """As `run`, in the plane: views of buffers that the next run writes to."""
         batch = self._roll(overrides, samples, schedule)
         out, c = self._of_samples, batch.worlds
+        out.pull()
         return PlaneMotion(
             names=self.names,
             axes=self._axes,
@@ -124,9 +125,9 @@ class PlanarSimulator(RigidSimulator):
         effects.kind, effects.acts = buffers.ints(own.effect_kind), buffers.ints(own.effect_acts)
         effects.programs = buffers.doubles(own.effect_programs)
         effects.parameters = buffers.doubles(np.repeat(own.effect_parameters, w, axis=0))
-        self._effect_parameters = _view(effects.parameters)
-        pairs = int(_view(self._scene.collides).sum())
-        corners = np.diff(_view(self._scene.first))
+        self._effect_parameters = buffers.Mirror(effects.parameters)
+        pairs = int(buffers.read(self._scene.collides).sum())
+        corners = np.diff(buffers.read(self._scene.first))
         bodies = Bodies()
         for name, dtype in BODY_FIELDS.items():
             setattr(bodies, name, buffers.zeros((w, n), dtype))
@@ -154,7 +155,7 @@ class PlanarSimulator(RigidSimulator):
         samples.rate = buffers.zeros((w, self.sample_times.shape[1], n), wp.vec3d)
         samples.outcome = self._outcome
         self._bodies, self._contacts, self._samples = bodies, contacts, samples
-        self._of_bodies, self._of_joints, self._of_samples = map(_Views, (bodies, joints, samples))
+        self._of_bodies, self._of_joints, self._of_samples = map(_Mirrors, (bodies, joints, samples))
         self._references = References()
         self._references.scene = by_reference(self._scene, Scene)
         self._references.bodies = by_reference(bodies, Bodies)
@@ -193,13 +194,16 @@ class PlanarSimulator(RigidSimulator):
         b.gravity[:c] = arrays.gravity @ axes.T
         b.time_scale[:c] = arrays.time_scale[:, 0]
         b.time_origin[:c] = arrays.time_origin[:, 0]
-        self._effect_parameters[:c] = arrays.effect_parameters
+        self._effect_parameters.values[:c] = arrays.effect_parameters
+        self._effect_parameters.push()
         b.decay_step[:c] = -1.0
         b.reaction[:c] = 0.0
         b.touching[:c] = 0
         self._write_joints(arrays, c)
         self._of_samples.pose[:c] = np.nan
         self._of_samples.rate[:c] = np.nan
+        for kept in (b, self._of_joints, self._of_samples):
+            kept.push()
 
     def _write_joints(self, arrays: RigidArrays, c: int) -> None:
         """Set each hinge's pivot in its bodies' own axes, at the poses the run starts from."""
@@ -228,6 +232,7 @@ class PlanarSimulator(RigidSimulator):
 
     def _states(self, batch: Batch) -> tuple[Array, Array, Array, Array]:
         c, axes = batch.worlds, self._axes
+        self._of_samples.pull()
         pose, rate = self._of_samples.pose[:c, : batch.count], self._of_samples.rate[:c, : batch.count]
         rotation = np.zeros((*pose.shape[:3], 4))
         rotation[..., 0] = np.cos(pose[..., 2] / 2)
@@ -243,7 +248,7 @@ class PlanarSimulator(RigidSimulator):
 
     def _events(self, batch: Batch) -> tuple[tuple[Event, ...], ...]:
         # The last touch noted before a divergence lies up to a step before it: such a contact has not ended.
-        diverged = self._diverged_time[: batch.worlds] - 2.0 * self.world.time.substep
+        diverged = self._diverged_time.values[: batch.worlds] - 2.0 * self.world.time.substep
         ends = np.where(batch.diverged, diverged, np.nanmax(batch.times, axis=1))
         height = self._of_bodies.height
         found = []
@@ -257,18 +262,25 @@ class PlanarSimulator(RigidSimulator):
         return tuple(found)
 
 
-def _view(array: Any) -> Any:
-    """Return the memory of a Warp array on the CPU as a NumPy array."""
-    return array.numpy()
-
-
-class _Views:
-    """The memory of a record's Warp arrays on the CPU as NumPy arrays, each looked up once."""
+class _Mirrors:
+    """A record's Warp arrays in NumPy, each looked up once; see `polyworld.core.buffers.Mirror`."""
 
     def __init__(self, record: Any) -> None:
         self._record = record
+        self._kept: list[buffers.Mirror] = []
 
     def __getattr__(self, name: str) -> Any:
-        view = _view(getattr(self._record, name))
-        setattr(self, name, view)
-        return view
+        kept = buffers.Mirror(getattr(self._record, name))
+        self._kept.append(kept)
+        setattr(self, name, kept.values)
+        return kept.values
+
+    def pull(self) -> None:
+        """Take from the device what was looked up."""
+        for kept in self._kept:
+            kept.pull()
+
+    def push(self) -> None:
+        """Give the device what was looked up."""
+        for kept in self._kept:
+            kept.push()

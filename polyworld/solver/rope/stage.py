@@ -53,8 +53,8 @@ class RopeStage:
         self._ropes = self._describe(nodes_first)
         self._state = self._allocate()
         self._sweeps = SHARED_SWEEPS if self._shares_bodies() else 1
-        self._clamped = bool(self._ropes.clamped.numpy().any())
-        self._twists = bool(self._ropes.clamped.numpy().all(axis=1).any())
+        self._clamped = bool(buffers.read(self._ropes.clamped).any())
+        self._twists = bool(buffers.read(self._ropes.clamped).all(axis=1).any())
         self._fields: Fields = {}
 
     def bind(self, bodies: Any) -> None:
@@ -166,8 +166,8 @@ class RopeStage:
         return {b: bodies.count(b) for b in bodies if b != NO_BODY}
 
     def _shares_bodies(self) -> bool:
-        bodies = [int(b) for b in self._ropes.end_body.numpy().ravel()] + [
-            int(b) for b in self._ropes.wheel_body.numpy()
+        bodies = [int(b) for b in buffers.read(self._ropes.end_body).ravel()] + [
+            int(b) for b in buffers.read(self._ropes.wheel_body)
         ]
         held = [b for b in bodies if b != NO_BODY]
         return len(set(held)) < len(held)
@@ -234,7 +234,7 @@ class RopeStage:
         for name, values in rows.items():
             kept = getattr(self._ropes, name)
             if kept is not None and kept.shape == values.shape:
-                kept.numpy()[:] = values.numpy()
+                buffers.write(kept, buffers.read(values))
             else:
                 setattr(self._ropes, name, values)
                 reallocated = True
@@ -243,19 +243,19 @@ class RopeStage:
     def reset(self) -> None:
         """See `MaterialStage.reset`."""
         s = self._state
-        s.order.numpy()[:] = np.concatenate([t.order for t in self.threads])
-        s.elements.numpy()[:] = [len(t.order) for t in self.threads]
-        s.rest.numpy()[:] = np.concatenate([t.rest for t in self.threads])
-        s.attached.numpy()[:] = self._ropes.end_body.numpy() >= 0
-        s.elongation.numpy()[:] = np.nan
-        s.heading.numpy()[:] = np.concatenate([headings for headings, _ in self._frames])
-        s.reference.numpy()[:] = np.concatenate([frames for _, frames in self._frames])
+        buffers.write(s.order, np.concatenate([t.order for t in self.threads]))
+        buffers.write(s.elements, [len(t.order) for t in self.threads])
+        buffers.write(s.rest, np.concatenate([t.rest for t in self.threads]))
+        buffers.write(s.attached, buffers.read(self._ropes.end_body) >= 0)
+        buffers.write(s.elongation, np.nan)
+        buffers.write(s.heading, np.concatenate([headings for headings, _ in self._frames]))
+        buffers.write(s.reference, np.concatenate([frames for _, frames in self._frames]))
         for name in ("tension", "mean_tension", "held", "change", "theta", "reference_twist", "direction", "end_kept"):
-            getattr(s, name).numpy()[:] = 0
-        s.twist.numpy()[:] = self._ropes.twist_at_start.numpy()
-        s.before.numpy()[:] = 1.0
-        s.least_steps.numpy()[:] = 0
-        s.need.numpy()[:] = 0.0
+            buffers.write(getattr(s, name), 0)
+        buffers.write(s.twist, buffers.read(self._ropes.twist_at_start))
+        buffers.write(s.before, 1.0)
+        buffers.write(s.least_steps, 0)
+        buffers.write(s.need, 0.0)
         if s.wheels.shape[1] > 0:
             rows = np.zeros(s.wheels.shape, dtype=Wheel.numpy_dtype())
             at = 0
@@ -353,9 +353,9 @@ class RopeStage:
         wheels has the mean of its parts' tensions. Curvature at the inner nodes, 2 tan(phi/2)/l [1/m].
         """
         found: dict[str, dict[str, Array]] = {}
-        tension, order = self._state.mean_tension.numpy(), self._state.order.numpy()
-        elements = self._state.elements.numpy()
-        first = self._ropes.first_link.numpy()
+        tension, order = buffers.read(self._state.mean_tension), buffers.read(self._state.order)
+        elements = buffers.read(self._state.elements)
+        first = buffers.read(self._ropes.first_link)
         for r, (rope, thread) in enumerate(zip(self.items, self.threads, strict=True)):
             values = np.zeros((self.n_worlds, rope.segments))
             if not thread.pulleys:
@@ -367,8 +367,8 @@ class RopeStage:
                     links = tension[w, first[r] : first[r] + elements[w, r] - 1]
                     total = np.bincount(segment, weights=links, minlength=rope.segments)
                     values[w] = total / np.maximum(np.bincount(segment, minlength=rope.segments), 1)
-            begin = int(self._ropes.first_node.numpy()[r])
-            points = nodes.x.numpy()[:, begin : begin + len(thread.nodes)]
+            begin = int(buffers.read(self._ropes.first_node)[r])
+            points = buffers.read(nodes.x)[:, begin : begin + len(thread.nodes)]
             found[rope.name] = {"tension": values, "curvature": _curvature(points, thread.segment_length)}
         return found
 

@@ -75,8 +75,8 @@ class Kind:
     def reset(self) -> None:
         """Nothing has flowed yet."""
         if self.undo is not None:
-            self.undo.numpy()[:] = np.eye(3)
-            self.strain.numpy()[:] = 0.0
+            buffers.write(self.undo, np.eye(3))
+            buffers.write(self.strain, 0.0)
 
     def quantities(self, x: Any, laws: Any, *, flows: bool) -> dict[str, dict[str, Array]]:
         """Compute readings of each body at positions x (W, N)."""
@@ -93,12 +93,12 @@ class Kind:
         found = {}
         for name, span in self.spans.items():
             found[name] = {
-                "von_mises": out.stress.numpy()[:, span].copy(),
-                "strain": out.strain.numpy()[:, span].copy(),
-                "volume": out.volume.numpy()[:, span].sum(axis=1, keepdims=True),
+                "von_mises": buffers.read(out.stress)[:, span].copy(),
+                "strain": buffers.read(out.strain)[:, span].copy(),
+                "volume": buffers.read(out.volume)[:, span].sum(axis=1, keepdims=True),
             }
             if flows:
-                found[name]["plastic_strain"] = self.strain.numpy()[:, span].mean(axis=2)
+                found[name]["plastic_strain"] = buffers.read(self.strain)[:, span].mean(axis=2)
         return found
 
 

@@ -66,7 +66,7 @@ class SoftStage:
             for kind in self._kinds:
                 recapture |= kind.allow_flow(self._worlds)
         if self._laws is not None and self._laws.shape == values.shape:
-            self._laws.numpy()[:] = values
+            buffers.write(self._laws, values)
             return recapture
         self._laws = buffers.array(values, Law)
         return True

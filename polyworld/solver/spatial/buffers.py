@@ -53,7 +53,7 @@ SHARED = frozenset({"effect_kind", "effect_acts", "effect_programs"})  # the sam
 
 
 def zeros(shape: tuple[int, ...], dtype: Any) -> Any:
-    """Return an array of zeros on the CPU."""
+    """Return an array of zeros."""
     return buffers.zeros(shape, dtype)
 
 
@@ -106,7 +106,7 @@ class ParameterBuffers:
         self._capacity = capacity
         self._world = world
         self._record = layout.Parameters()
-        self._content: dict[str, Any] = {}  # of the record's arrays, seen by NumPy
+        self._content: dict[str, buffers.Mirror] = {}  # of the record's arrays
 
     def write(self, arrays: RigidArrays) -> None:
         """Copy parameters into the kernel's arrays, made again only where a field comes to differ per world."""
@@ -122,22 +122,24 @@ class ParameterBuffers:
             if name in SHARED or len(values) == 1:
                 if kept is None:
                     kept = self._made(name, values, dtype)
-                kept[...] = values
+                kept.values[...] = values
+                kept.push()
                 continue
-            if kept is None or len(kept) < len(values):
+            if kept is None or len(kept.values) < len(values):
                 kept = self._made(name, np.repeat(values[:1], self._capacity, axis=0), dtype)
-            kept[: len(values)] = values
+            kept.values[: len(values)] = values
+            kept.push()
         self._record.contact_laws = contact_laws(arrays.effect_kind)
         self._record.forces = forces_among(arrays.effect_kind)
         self.reference = by_reference(self._record, layout.Parameters, self.reference)
 
-    def _made(self, name: str, values: Any, dtype: Any) -> Any:
+    def _made(self, name: str, values: Any, dtype: Any) -> buffers.Mirror:
         made: Any = buffers.array(values, dtype)
         if name.startswith(EFFECT):
             setattr(self._record.effects, name.removeprefix(EFFECT), made)
         else:
             setattr(self._record, name, made)
-        self._content[name] = made.numpy()
+        self._content[name] = buffers.Mirror(made)
         return self._content[name]
 
 

@@ -145,7 +145,7 @@ def write_joints(joints: joint_layout.Joints, arrays: RigidArrays, world: World)
 def _write(joints: joint_layout.Joints, name: str, values: Array, dtype: Any) -> None:
     kept = getattr(joints, name)
     if kept.shape == values.shape[:2]:
-        kept.numpy()[:] = values
+        buffers.write(kept, values)
     else:
         setattr(joints, name, buffers.array(values, dtype))
 

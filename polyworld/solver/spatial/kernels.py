@@ -58,14 +58,15 @@ def _roll_out(advance: Any, together: int) -> Any:
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def roll_out(
-        system: System, schedule: wp.array[Schedule], samples: wp.array[Samples], first: int, slot: int
+        system: System, schedule: wp.array[Schedule], samples: wp.array[Samples], first: int, slot: int, apart: int
     ) -> None:
-        """Roll world first + tid out through the segments of its schedule, working in row `slot` of the state.
+        """Roll world first + tid out through the segments of its schedule, working in row slot + apart tid.
 
-        On a CPU the threads of a launch run one after the other, so one row serves them all and stays in the cache.
+        On a CPU the threads of a launch run one after the other, so one row serves them all (apart 0) and stays in the
+        cache; where they run at the same time each has its own (apart 1).
         """
         w = first + wp.tid()
-        k = slot
+        k = slot + apart * wp.tid()
         parameters = system.parameters
         state = system.state
         scale = parameters[0].time_scale[w % parameters[0].time_scale.shape[0]]

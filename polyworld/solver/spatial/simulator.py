@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from polyworld.core import buffers
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.references import by_reference
@@ -62,12 +63,14 @@ class SpatialSimulator(RigidSimulator):
         samples.angular_velocity = zeros(shape, wp.vec3d)
         samples.outcome = self._outcome
         self._samples = samples
-        self._state = allocate_state(self.world, shares(w, self.threads))
+        # Threads of a CPU take the worlds of a share one after the other and use one row of the state for all.
+        self._apart = int(not buffers.threads_serve())
+        self._state = allocate_state(self.world, w if self._apart else shares(w, self.threads))
         self._joints = allocate_joints(self.world, self._state)
         self._system = system_of(self._geometry, self._state, self._log.record)
         self._references = [by_reference(self._schedule, Schedule), by_reference(samples, layout.Samples)]
         fields = ("position", "orientation", "velocity", "angular_velocity")
-        self._motion = {name: getattr(samples, name).numpy() for name in fields}
+        self._motion = {name: buffers.Mirror(getattr(samples, name)) for name in fields}
 
     def _write(self, arrays: RigidArrays, worlds: int) -> None:
         self._parameters.write(arrays)
@@ -75,24 +78,26 @@ class SpatialSimulator(RigidSimulator):
         self._system.parameters = self._parameters.reference
         self._system.joints = by_reference(self._joints, Joints, self._system.joints)
         for content in self._motion.values():
-            content[:worlds] = np.nan
+            content.values[:worlds] = np.nan
+            content.push()
 
     def _kernel(self) -> Any:
         return roll_out_kernel(bool(self.world.joints))
 
     def _inputs(self, first: int, index: int, /) -> list[Any]:
-        return [self._system, *self._references, first, index]
+        return [self._system, *self._references, first, index, self._apart]
 
     def _check_room(self, overflowed: NDArray[np.int32]) -> None:
         check_room(self._state, overflowed)
 
     def _states(self, batch: Batch) -> tuple[Array, Array, Array, Array]:
         c, count = batch.worlds, batch.count
+        motion = {name: content.pull()[:c, :count] for name, content in self._motion.items()}
         return (
-            self._motion["position"][:c, :count].copy(),
-            np.roll(self._motion["orientation"][:c, :count], 1, axis=-1),
-            self._motion["velocity"][:c, :count].copy(),
-            self._motion["angular_velocity"][:c, :count].copy(),
+            motion["position"].copy(),
+            np.roll(motion["orientation"], 1, axis=-1),
+            motion["velocity"].copy(),
+            motion["angular_velocity"].copy(),
         )
 
     def _events(self, batch: Batch) -> tuple[tuple[Event, ...], ...]:

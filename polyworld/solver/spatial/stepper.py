@@ -71,8 +71,8 @@ class RigidStepper:
     def reset(self) -> None:
         """Back to the initial state at time 0, without contacts."""
         self.log.clear()
-        self._half.numpy()[:] = 0
-        self._diverged.numpy()[:] = -1
+        buffers.write(self._half, 0)
+        buffers.write(self._diverged, -1)
         buffers.launch(load_worlds, self.n_worlds, [self._system, self._start])
 
     def launch_step(self, time: Any, h: Any) -> None:
@@ -90,8 +90,8 @@ class RigidStepper:
 
         Raises RuntimeError where a world ran out of room for contacts.
         """
-        check_room(self.state, self.state.overflowed.numpy())
-        diverged: NDArray[np.int32] = self._diverged.numpy()
+        check_room(self.state, buffers.read(self.state.overflowed))
+        diverged: NDArray[np.int32] = buffers.read(self._diverged)
         return diverged
 
     def events(self, w: int, end: float) -> tuple[Event, ...]:

@@ -52,7 +52,7 @@ def test_a_kernel_that_runs_is_ended() -> None:
     world = World(objects=(SPATIAL,), time=TIME, environment=FREE)
     long = simulator(world, np.arange(samples) * TIME.substep, threads=1)
     assert isinstance(long, SpatialSimulator)
-    x = long._motion["position"][0, :, 0, 0]
+    x = long._motion["position"].values[0, :, 0, 0]
     x[:] = np.nan
     interruption, ended = Interruption(), threading.Event()
 

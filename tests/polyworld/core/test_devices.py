@@ -1,0 +1,88 @@
+"""A world moves alike on every device, and where NumPy cannot use the device's memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+import warp as wp
+
+from polyworld.core import buffers
+from polyworld.estimation.world_fit import CemSettings, FitProblem, SearchSettings, fit
+from polyworld.solver.rollout import simulator
+from polyworld.trajectory import BatchTrajectory
+from polyworld.world import World
+from tests.scenes.material_parameters import scenes
+from tests.scenes.six_bodies import six_body_world
+
+TIMES = np.array([0.0, 0.02, 0.04])
+ACCELERATORS = [d.alias for d in wp.get_devices() if not d.is_cpu]
+MATERIALS = {scene.name: scene for scene in scenes()}
+SHARED = ("rope over a pulley", "cloth", "soft body", "tap")
+RUN_ON_CUDA = ("planar", "spatial", "rigid pucks", "rigid ball")
+WORLDS: dict[str, Callable[[], World]] = {
+    "planar": lambda: six_body_world(planar=True),
+    "spatial": lambda: six_body_world(planar=False),
+    **{name: lambda name=name: MATERIALS[name].build(False) for name in SHARED},
+}
+
+
+def motion(world: World, n_worlds: int = 1) -> BatchTrajectory:
+    return simulator(world, TIMES, n_worlds=n_worlds, record_events=True).run()
+
+
+def content(found: BatchTrajectory) -> bytes:
+    arrays = [found.positions, found.orientations, found.velocities, found.angular_velocities]
+    for points in found.deformables.values():
+        arrays += [points.points, points.velocities, *points.quantities.values()]
+    return b"".join(values.tobytes() for values in arrays) + repr(found.events).encode()
+
+
+@pytest.fixture
+def accelerator() -> Iterator[str]:
+    if not ACCELERATORS:
+        pytest.skip(f"Warp finds no device but {', '.join(d.alias for d in wp.get_devices())}")
+    buffers.use_device(ACCELERATORS[0])
+    yield ACCELERATORS[0]
+    buffers.use_device("cpu")
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_motion_does_not_depend_on_whether_memory_is_shared_with_numpy(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = WORLDS[name]()
+    shared = content(motion(world))
+    with monkeypatch.context() as patch:
+        patch.setattr(buffers, "on_host", lambda _: False)
+        copied = content(motion(world))
+    assert copied == shared
+
+
+@pytest.mark.parametrize("name", RUN_ON_CUDA)
+def test_worlds_move_on_an_accelerator_as_on_the_cpu(name: str, accelerator: str) -> None:
+    world = WORLDS[name]() if name in WORLDS else MATERIALS[name].build(False)
+    there = motion(world, 3)
+    buffers.use_device("cpu")
+    here = motion(world, 3)
+    assert accelerator != "cpu"
+    np.testing.assert_allclose(there.positions, here.positions, atol=1e-9)
+    np.testing.assert_allclose(there.velocities, here.velocities, atol=1e-7)
+
+
+def test_populations_fit_on_an_accelerator_as_on_the_cpu(accelerator: str) -> None:
+    scene = MATERIALS["rigid pucks"]
+    settings = SearchSettings(generations=2, cem=CemSettings(population=8, elites=2, carried=1), seed=1)
+    assert accelerator != "cpu"
+    problem = FitProblem(scene.build(False), scene.observed(0), scene.unknowns)
+    there = fit(problem, settings)
+    buffers.use_device("cpu")
+    here = fit(FitProblem(scene.build(False), scene.observed(0), scene.unknowns), settings)
+    assert there.loss == pytest.approx(here.loss, rel=1e-6)
+
+
+def test_a_device_that_is_not_there_is_refused_with_those_that_are() -> None:
+    with pytest.raises(ValueError, match=r"no device 'tpu'; this machine has cpu"):
+        buffers.use_device("tpu")
+    assert buffers.device().alias == "cpu"
