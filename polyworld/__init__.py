@@ -1,6 +1,7 @@
 """Worlds in, trajectories and events out.
 
-Describe a `World`, `rollout` it, `branch` it by interventions, `compare` the rollouts, `query` them.
+Describe a `World`, `rollout` it or drive it with a `stepper`, `branch` it by interventions, `compare` the rollouts,
+`query` them.
 
 Rooms from the ground up: `core` (arrays of Warp), `effects` (one law a file; add an effect there) and `expressions`,
 `world` (descriptions; `world.materials` is the registry), `model` (meshes), `edits` (interventions), `trajectory`,
@@ -19,19 +20,24 @@ if TYPE_CHECKING:
     from polyworld.probing.compare import Comparison, compare
     from polyworld.probing.predicates import Predicate
     from polyworld.probing.query import QueryResult, query
-    from polyworld.solver.rollout import Simulator, rollout, simulator
+    from polyworld.solver.core.saved_state import SavedState
+    from polyworld.solver.rollout import Simulator, rollout, simulator, state_at
+    from polyworld.solver.stepper import Control, Stepper, stepper
     from polyworld.trajectory import BatchTrajectory, Event, Rollout, Trajectory
     from polyworld.world import World
 
 __all__ = [
     "BatchTrajectory",
     "Comparison",
+    "Control",
     "Event",
     "Intervention",
     "Predicate",
     "QueryResult",
     "Rollout",
+    "SavedState",
     "Simulator",
+    "Stepper",
     "Trajectory",
     "World",
     "branch",
@@ -39,6 +45,8 @@ __all__ = [
     "query",
     "rollout",
     "simulator",
+    "state_at",
+    "stepper",
 ]
 
 # Imported when they are asked for: a server that has only been asked what it can do needs none of them.
@@ -47,7 +55,9 @@ _HOMES = {
     "polyworld.probing.compare": ("Comparison", "compare"),
     "polyworld.probing.predicates": ("Predicate",),
     "polyworld.probing.query": ("QueryResult", "query"),
-    "polyworld.solver.rollout": ("Simulator", "rollout", "simulator"),
+    "polyworld.solver.core.saved_state": ("SavedState",),
+    "polyworld.solver.rollout": ("Simulator", "rollout", "simulator", "state_at"),
+    "polyworld.solver.stepper": ("Control", "Stepper", "stepper"),
     "polyworld.trajectory": ("BatchTrajectory", "Event", "Rollout", "Trajectory"),
     "polyworld.world": ("World",),
 }

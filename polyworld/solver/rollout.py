@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 
 from polyworld.core import interruption
 from polyworld.model import model_of
+from polyworld.solver.core.saved_state import SavedState
+from polyworld.solver.stepper import NO_COUPLED_STATE, Stepper
 from polyworld.trajectory import BatchTrajectory, Rollout
 from polyworld.trajectory.events import all_events
 from polyworld.world import World
@@ -59,6 +62,7 @@ def simulator(
     record_events: bool = False,
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
+    start: SavedState | None = None,
 ) -> Simulator:
     """Return the simulator fitting the world's representations.
 
@@ -76,6 +80,8 @@ def simulator(
         raise ValueError(f"n_worlds must be at least 1, got {n_worlds}")
     # Imported here: a world needs only its own solver, and each brings its kernels.
     if world.coupled:
+        if start is not None:
+            raise ValueError(NO_COUPLED_STATE)
         from polyworld.solver.coupled.simulator import CoupledSimulator
 
         return CoupledSimulator(
@@ -84,10 +90,14 @@ def simulator(
     if world.planar:
         from polyworld.solver.planar import PlanarSimulator
 
-        return PlanarSimulator(model_of(world), times, n_worlds=n_worlds, record_events=record_events, threads=threads)
+        return PlanarSimulator(
+            model_of(world), times, n_worlds=n_worlds, record_events=record_events, threads=threads, start=start
+        )
     from polyworld.solver.spatial.simulator import SpatialSimulator
 
-    return SpatialSimulator(model_of(world), times, n_worlds=n_worlds, record_events=record_events, threads=threads)
+    return SpatialSimulator(
+        model_of(world), times, n_worlds=n_worlds, record_events=record_events, threads=threads, start=start
+    )
 
 
 def scheduled_simulator(
@@ -122,15 +132,47 @@ def rollout(
     *,
     sample_interval: float | None = None,
     progress: Callable[[float], None] | None = None,
+    start: SavedState | None = None,
 ) -> Rollout:
     """Roll one world out to `horizon` [s], sampled every `sample_interval` [s] (default: one frame).
 
-    Samples are taken at 0, one interval, two, ... and at the horizon. progress: as for `simulator`. Raises
-    ValueError for a horizon that is not positive, or asks for more than MAX_SUBSTEPS substeps or MAX_SAMPLES samples.
+    Samples are taken at 0, one interval, two, ... and at the horizon. progress: as for `simulator`. start: a state
+    of this world, see `state_at`, that the run goes on from; the horizon still counts from time 0, and the result holds
+    the samples and events from that state on. Where it was saved at a sample time they equal those of the whole run to
+    the bit. Raises ValueError for a horizon that is not positive, or asks for more than MAX_SUBSTEPS substeps or
+    MAX_SAMPLES samples.
     """
     times = sampled_times(world, horizon, sample_interval)
-    batch = simulator(world, times, record_events=True, threads=1, progress=progress).run()
-    return _rollout_of(world, batch, 0, horizon)
+    if start is not None:
+        times = _times_from(start.time, times)
+    batch = simulator(world, times, record_events=True, threads=1, progress=progress, start=start).run()
+    found = _rollout_of(world, batch, 0, horizon)
+    return found if start is None else replace(found, events=tuple(e for e in found.events if e.time >= start.time))
+
+
+def state_at(
+    world: World, time: float, *, sample_interval: float | None = None, start: SavedState | None = None
+) -> SavedState:
+    """Return the state of a world of rigid bodies at a time [s] of its rollout, for `rollout(start=...)`.
+
+    sample_interval: of the rollout, of which `time` is best a multiple, for its steps end at samples. start: an earlier
+    state to begin with. Raises ValueError for worlds with deformable objects, RuntimeError where the world diverges.
+    """
+    if world.coupled:
+        raise ValueError(NO_COUPLED_STATE)
+    stepper = Stepper(world, interval=sample_interval, start=start)
+    times = sampled_times(world, time, sample_interval) if time > 0.0 else np.zeros(1)
+    for end in times[1:] if start is None else _times_from(start.time, times)[1:]:
+        stepper.advance_to(float(end))
+    return stepper.save()
+
+
+def _times_from(begin: float, times: Array) -> Array:
+    """The sample times from a state at `begin` [s] on, itself the first; ValueError where there are none."""
+    apart = 1e-9 * max(1.0, begin)
+    if times[-1] <= begin + apart:
+        raise ValueError(f"the saved state is at {begin:.6g} s: the end must lie beyond it, got {times[-1]:.6g} s")
+    return np.concatenate([[begin], times[times > begin + apart]])
 
 
 def rollouts(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -87,6 +87,24 @@ class ContactLog:
         pairs = (n_worlds, len(self._names), len(self._others))
         self.record.open = buffers.zeros(pairs if record else (1, 1, 1), wp.int32)
         self._open, self._count = buffers.Mirror(self.record.open), buffers.Mirror(self.record.count)
+
+    def saved(self) -> dict[str, NDArray[Any]]:
+        """Return the episodes of the only world so far, and which are open."""
+        count = self._count.pull().copy()
+        kept = buffers.read(self.record.episodes)[0, : count[0]].copy()
+        return {"log.count": count, "log.open": self._open.pull().copy(), "log.episodes": kept}
+
+    def restore(self, saved: Mapping[str, NDArray[Any]]) -> None:
+        """Take what `saved` returned, where contacts are recorded."""
+        if not self.record.record:
+            return
+        episodes = saved["log.episodes"]
+        if len(episodes) > self._capacity:
+            raise RuntimeError(f"{len(episodes)} contacts began before; room for {self._capacity}")
+        for kept, name in ((self._open, "log.open"), (self._count, "log.count")):
+            kept.values[:] = saved[name]
+            kept.push()
+        buffers.write(self.record.episodes, episodes, np.s_[0, : len(episodes)])
 
     def clear(self) -> None:
         """Empty the log: no contact has started."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,9 @@ from polyworld.core import buffers, interruption
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.episodes import EPISODES, ContactLog
+from polyworld.solver.core.saved_state import SavedState, arrays_of, copied, write_back
 from polyworld.solver.core.thread_pool import available_cores, run_in_pool, shares
-from polyworld.solver.core.time_table import schedule_record, schedules
+from polyworld.solver.core.time_table import TimeTable, schedule_record, schedules, time_table
 from polyworld.trajectory import BatchTrajectory, Event
 
 Array = NDArray[np.float64]
@@ -91,15 +92,17 @@ class RigidSimulator(ABC):
         record_events: bool = False,
         threads: int | None = None,
         episodes: int = EPISODES,
+        start: SavedState | None = None,
     ) -> None:
-        """episodes: contact episodes kept for a world."""
+        """episodes: contact episodes kept for a world. start: the state that all worlds go on from."""
         self.model, self.world = model, model.world
         self.names = tuple(o.name for o in self.world.objects)
         self.n_worlds = n_worlds
         self.sample_times = np.atleast_2d(np.asarray(sample_times, dtype=float))
         self.record_events = record_events
         self.threads = (threads or available_cores()) if buffers.threads_serve() else 1
-        self._table = schedules(self.world, self.sample_times)
+        self._start = start
+        self._table = schedules(self.world, self.sample_times, None if start is None else start.time)
         self._schedule = schedule_record(self._table, n_worlds)
         self._outcome = Outcome()
         self._outcome.diverged_object = buffers.zeros((n_worlds,), wp.int32)
@@ -155,6 +158,8 @@ class RigidSimulator(ABC):
             kept.push()
         self._log.clear()
         self._write(arrays, worlds)
+        if self._start is not None:
+            self.restore(self._start)
         if self.names:
             self._launch(worlds)
         for kept in outcome:
@@ -167,6 +172,94 @@ class RigidSimulator(ABC):
             times=self.sample_times[own, :count] * arrays.time_scale,
             diverged=self._diverged_object.values[:worlds] >= 0,
         )
+
+    # --- one world, interval by interval ----------------------------------------------------------
+
+    def begin(self) -> SavedState:
+        """Put the only world where it starts, and return its state at time 0."""
+        for kept, none in ((self._diverged_object, -1), (self._overflowed, 0)):
+            kept.values[:] = none
+            kept.push()
+        self._log.clear()
+        self._own_arrays = self.model.arrays()
+        self._write(self._own_arrays, 1)
+        buffers.write(self._schedule.begin, -1.0)
+        return self._interval(time_table(self.world, np.zeros(1)), 0.0)
+
+    def advance(self, state: SavedState, end: float) -> SavedState:
+        """Advance the world from `state`, the last that was returned or restored, to the time `end` [s].
+
+        Raises RuntimeError where it diverges or runs out of room for contacts.
+        """
+        buffers.write(self._schedule.begin, state.time)
+        return self._interval(time_table(self.world, np.array([end]), state.time), end)
+
+    def _interval(self, table: TimeTable, end: float) -> SavedState:
+        count = len(table.end)
+        for name in ("end", "steps", "sample"):
+            buffers.write(getattr(self._schedule, name), getattr(table, name), np.s_[0, :count])
+        buffers.write(self._schedule.joins, table.joins, np.s_[: len(table.joins)])
+        for kept, value in ((self._own, 0), (self._reach, count)):
+            kept.values[0] = value
+            kept.push()
+        if self.names:
+            self._launch(1)
+        self._check_room(self._overflowed.pull())
+        diverged = int(self._diverged_object.pull()[0])
+        if diverged >= 0:
+            raise RuntimeError(
+                f"{self.names[diverged]!r} diverged at {self._diverged_time.pull()[0]:.6g} s: go back to a "
+                "saved state, and take a shorter time.substep or weaker control"
+            )
+        motion = (values[0, 0] for values in self._states(self._at(end)))
+        return SavedState(self.world.id, end, self.names, *motion, memory={})
+
+    def contacts(self, end: float) -> tuple[Event, ...]:
+        """Return the contact events of the only world up to the time `end` [s]."""
+        return self._events(self._at(end))[0]
+
+    def _at(self, end: float) -> Batch:
+        return Batch(self._own_arrays, np.zeros(1, dtype=np.int64), 1, np.full((1, 1), end), np.zeros(1, bool))
+
+    @abstractmethod
+    def control(
+        self, forces: Array, torques: Array, efforts: Mapping[str, float], speeds: Mapping[str, float], /
+    ) -> None:
+        """Let forces and torques (n, 3), world axes, and motors by joint act until `release`."""
+
+    @abstractmethod
+    def release(self) -> None:
+        """End what `control` began: motors act as the world describes them."""
+
+    # --- states that a run goes on from ----------------------------------------------------------
+
+    def save(self, motion: SavedState) -> SavedState:
+        """Return `motion` with the memory of the only world, after a run that did not diverge."""
+        return replace(motion, memory={**copied(self._remembered()), **self._log.saved()})
+
+    def restore(self, state: SavedState) -> None:
+        """Let the next launch go on from a state of this world; raises ValueError where it is of another."""
+        if state.world_id != self.world.id:
+            raise ValueError(
+                f"the saved state is of {state.world_id}, this world is {self.world.id}: contacts and joints are "
+                "remembered for the world they were saved in; to change a world on its way, describe one whose objects "
+                "have the state's positions and velocities"
+            )
+        if self.n_worlds > 1:
+            raise ValueError("a saved state is one world's: roll it out alone")
+        write_back(self._remembered(), state.memory)
+        self._log.restore(state.memory)
+        buffers.write(self._schedule.begin, state.time)
+
+    def _remembered(self) -> dict[str, Any]:
+        """Arrays of the solver that outlast a launch, by name."""
+        return {name: a for record, kind in self._records().items() for name, a in arrays_of(kind, record).items()}
+
+    @abstractmethod
+    def _records(self) -> dict[str, Any]:
+        """Return the records whose arrays hold the state of a world, by name."""
+
+    # ---------------------------------------------------------------------------------------------
 
     def _launch(self, worlds: int) -> None:
         kernel = self._kernel()

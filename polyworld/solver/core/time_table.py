@@ -19,7 +19,7 @@ class TimeTable:
     """Segments between consecutive sample and start times.
 
     end (K,) [s]; steps (K,): substeps in the segment; sample (K,): index of the sample taken at its end or
-    -1; joins (n,): first segment in which an object moves.
+    -1; joins (n,): first segment in which an object moves, -1 where it moves already.
     """
 
     end: Array
@@ -28,19 +28,25 @@ class TimeTable:
     joins: NDArray[np.int32]
 
 
-def time_table(world: World, sample_times: Array) -> TimeTable:
-    """Segments of a run; every substep is at most `world.time.substep` at the world's own seconds_per_frame."""
+def time_table(world: World, sample_times: Array, begin: float | None = None) -> TimeTable:
+    """Segments of a run; every substep is at most `world.time.substep` at the world's own seconds_per_frame.
+
+    begin: time of the saved state that the run goes on from [s]; default: it starts at 0.
+    """
+    first = 0.0 if begin is None else begin
     starts = np.array([o.start_time for o in world.objects])
     every = np.concatenate([starts, [getattr(d, "start_time", 0.0) for d in world.deformables]])
-    inner = every[(every > 0) & (every < sample_times[-1])]
+    inner = every[(every > first) & (every < sample_times[-1])]
     end = np.unique(np.concatenate([sample_times, inner]))
-    before = np.concatenate([[0.0], end[:-1]])
+    before = np.concatenate([[first], end[:-1]])
     # A ratio that is whole but for rounding is whole: 0.04 / 0.002 makes 20 substeps, not 21.
     steps = np.ceil((end - before) / world.time.substep * (1.0 - 1e-12)).astype(np.int32)
     sample = np.full(len(end), -1, dtype=np.int32)
     sample[np.searchsorted(end, sample_times)] = np.arange(len(sample_times), dtype=np.int32)
     joins = np.searchsorted(before, starts).astype(np.int32)
     joins[starts <= 0] = 0
+    if begin is not None:
+        joins[(starts <= 0) | (starts < begin)] = -1
     return TimeTable(end, steps, sample, joins)
 
 
@@ -66,7 +72,10 @@ class Schedules:
 
 @wp.struct
 class Schedule:
-    """Schedules as kernels read them, see `Schedules`; own (W,): that of each world, reach (W,): its segments."""
+    """Schedules as kernels read them, see `Schedules`; own (W,): that of each world, reach (W,): its segments.
+
+    begin (W,): time of the state in the solver's buffers that a run goes on from, negative where it starts [s].
+    """
 
     end: wp.array2d[wp.float64]
     steps: wp.array2d[wp.int32]
@@ -74,6 +83,7 @@ class Schedule:
     joins: wp.array[wp.int32]
     own: wp.array[wp.int32]
     reach: wp.array[wp.int32]
+    begin: wp.array[wp.float64]
 
 
 def schedule_record(table: Schedules, n_worlds: int) -> Schedule:
@@ -82,17 +92,18 @@ def schedule_record(table: Schedules, n_worlds: int) -> Schedule:
     record.end = buffers.doubles(table.end)
     record.steps, record.sample = buffers.ints(table.steps), buffers.ints(table.sample)
     record.joins = buffers.ints(table.joins)
+    record.begin = buffers.full((n_worlds,), -1.0, wp.float64)
     record.own, record.reach = buffers.zeros((n_worlds,), wp.int32), buffers.zeros((n_worlds,), wp.int32)
     return record
 
 
-def schedules(world: World, sample_times: Array) -> Schedules:
-    """Lay out S lists of sample times (S, T), each filled up with NaN.
+def schedules(world: World, sample_times: Array, begin: float | None = None) -> Schedules:
+    """Lay out S lists of sample times (S, T), each filled up with NaN; begin: see `time_table`.
 
     Raises ValueError for several lists where objects join later than the start: they would join in different segments.
     """
     rows = [row[np.isfinite(row)] for row in sample_times]
-    tables = [time_table(world, row) for row in rows]
+    tables = [time_table(world, row, begin) for row in rows]
     if len(tables) > 1 and any(o.start_time > 0.0 for o in world.objects):
         raise ValueError("one list of sample times only where objects join later than the start")
     longest = max(len(t.end) for t in tables)

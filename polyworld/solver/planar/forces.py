@@ -49,7 +49,7 @@ def find_push(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.f
     What contacts, hinges and the supporting plane will do until then is what they did in the last step.
     """
     g = bodies.gravity[w]
-    push = wp.vec3d(g[0], g[1], ZERO)
+    push = wp.vec3d(g[0], g[1], ZERO) + bodies.control[w, i]
     if scene.forces > 0:
         pose = bodies.pose[w, i]
         rate = bodies.rate[w, i]

@@ -31,11 +31,14 @@ def roll_out(
     own = scene.schedule.own[w]
     n = scene.bodies
     scale = bodies.time_scale[w]
-    start = ZERO
-    step = Step()
-    step.w = w
-    step.room = -ONE
-    step.last_h = ONE
+    start = scene.schedule.begin[w]
+    step = contacts.last[w]
+    if start < ZERO:
+        start = ZERO
+        step = Step()
+        step.w = w
+        step.room = -ONE
+        step.last_h = ONE
     for segment in range(scene.schedule.reach[w]):
         step.segment = segment
         end = scene.schedule.end[own, segment] * scale
@@ -68,5 +71,6 @@ def roll_out(
             for i in range(n):
                 samples.pose[w, sample, i] = bodies.pose[w, i]
                 samples.rate[w, sample, i] = bodies.rate[w, i]
+    contacts.last[w] = step
     if log.record == 1 and step.diverged == 0 and n > 0:
         record_last_contacts(scene, bodies, contacts, samples, log, step)

@@ -42,7 +42,8 @@ class Bodies:
     rate: wp.array2d[wp.vec3d]  # velocity and angular velocity
     next_rate: wp.array2d[wp.vec3d]  # rate at the end of the step being solved
     shift: wp.array2d[wp.vec3d]  # change of pose over the step being solved
-    push: wp.array2d[wp.vec3d]  # acceleration by gravity and effects
+    push: wp.array2d[wp.vec3d]  # acceleration by gravity, effects and control
+    control: wp.array2d[wp.vec3d]  # acceleration by forces that are given from outside while the world runs
     drag: wp.array2d[wp.vec3d]  # change of rate by friction on the supporting plane; in an impact, the rate before
     reaction: wp.array2d[wp.vec3d]  # acceleration by contacts, hinges and the supporting plane in the last step
     touching: wp.array2d[wp.int32]  # whether the body touches another that it does not part from
@@ -120,15 +121,6 @@ class Row:
 
 
 @wp.struct
-class Contacts:
-    """Pairs that may meet soon, and the contact rows of this step and the last."""
-
-    near: wp.array2d[wp.vec2i]
-    near_gap: wp.array2d[wp.float64]  # a lower bound of the pair's gap [m]
-    rows: wp.array3d[Row]  # (W, 2, C): one half is this step's, the other the last step's
-
-
-@wp.struct
 class Step:
     """The step that a world takes, cut into parts by impacts, and what the last part left for this one.
 
@@ -150,6 +142,16 @@ class Step:
     near: wp.int32  # pairs in that list
     half: wp.int32  # which half of the contact rows is this part's
     rows: wp.int32  # how many it has
+
+
+@wp.struct
+class Contacts:
+    """Pairs that may meet soon, the contact rows of this step and the last, and the step with which a run ended."""
+
+    near: wp.array2d[wp.vec2i]
+    near_gap: wp.array2d[wp.float64]  # a lower bound of the pair's gap [m]
+    rows: wp.array3d[Row]  # (W, 2, C): one half is this step's, the other the last step's
+    last: wp.array[Step]  # (W,)
 
 
 @wp.struct

@@ -15,10 +15,11 @@ from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.effect_contacts import contact_laws
 from polyworld.solver.core.effect_forces import forces_among
 from polyworld.solver.core.references import by_reference
+from polyworld.solver.core.saved_state import SavedState
 from polyworld.solver.core.simulator import Batch, RigidSimulator
 from polyworld.solver.planar.kernels import roll_out
 from polyworld.solver.planar.plane_motion import PlaneMotion
-from polyworld.solver.planar.records import Bodies, Contacts, References, Row, Samples, Scene
+from polyworld.solver.planar.records import Bodies, Contacts, References, Row, Samples, Scene, Step
 from polyworld.solver.planar.scene import build_joints, build_scene
 from polyworld.solver.planar.statics import rotation_in_plane, static_poses
 from polyworld.trajectory import Event
@@ -33,6 +34,7 @@ BODY_FIELDS = {
     "next_rate": wp.vec3d,
     "shift": wp.vec3d,
     "push": wp.vec3d,
+    "control": wp.vec3d,
     "drag": wp.vec3d,
     "reaction": wp.vec3d,
     "touching": wp.int32,
@@ -71,6 +73,7 @@ class PlanarSimulator(RigidSimulator):
         n_worlds: int = 1,
         record_events: bool = False,
         threads: int | None = None,
+        start: SavedState | None = None,
     ) -> None:
         super().__init__(
             model,
@@ -79,6 +82,7 @@ class PlanarSimulator(RigidSimulator):
             record_events=record_events,
             threads=threads,
             episodes=EPISODES,
+            start=start,
         )
         self._scene, self._static_poses = build_scene(model)
         world, self._axes = model.world, model.plane_axes
@@ -141,6 +145,7 @@ class PlanarSimulator(RigidSimulator):
         bodies.corners = buffers.zeros((w, 2 * int(corners.max(initial=1))), wp.vec2d)
         contacts = Contacts()
         contacts.near = buffers.zeros((w, max(pairs, 1)), wp.vec2i)
+        contacts.last = buffers.zeros((w,), Step)
         contacts.near_gap = buffers.zeros((w, max(pairs, 1)), wp.float64)
         # Touching outlines form a planar graph: at most 3 (n + s) pairs of two points, twice that for overlaps.
         contacts.rows = buffers.zeros((w, 2, min(2 * max(pairs, 1), 12 * (n + s) + 64)), Row)
@@ -199,6 +204,7 @@ class PlanarSimulator(RigidSimulator):
         b.decay_step[:c] = -1.0
         b.reaction[:c] = 0.0
         b.touching[:c] = 0
+        b.control[:c] = 0.0
         self._write_joints(arrays, c)
         self._of_samples.pose[:c] = np.nan
         self._of_samples.rate[:c] = np.nan
@@ -216,6 +222,22 @@ class PlanarSimulator(RigidSimulator):
             arm[:, j, e, 0] = np.cos(angle) * x + np.sin(angle) * y
             arm[:, j, e, 1] = np.cos(angle) * y - np.sin(angle) * x
         self._of_joints.impulse[:c] = 0.0
+
+    def control(
+        self, forces: Array, torques: Array, efforts: Mapping[str, float], speeds: Mapping[str, float], /
+    ) -> None:
+        del efforts, speeds  # hinges of planar worlds have no motors
+        control = self._of_bodies.control[:1]
+        control[..., :2] = forces @ self._axes[:2].T * self._of_bodies.inverse_mass[:1, :, None]
+        control[..., 2] = torques @ self._axes[2] * self._of_bodies.inverse_inertia[:1]
+        buffers.write(self._bodies.control, control, np.s_[:1])
+
+    def release(self) -> None:
+        self._of_bodies.control[:1] = 0.0
+        buffers.write(self._bodies.control, 0.0, np.s_[:1])
+
+    def _records(self) -> dict[str, Any]:
+        return {"bodies": self._bodies, "contacts": self._contacts, "joints": self._joints}
 
     def _kernel(self) -> Any:
         return roll_out

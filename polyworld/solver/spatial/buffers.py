@@ -74,6 +74,7 @@ def allocate_state(world: World, rows: int) -> layout.State:
     state.scratch = zeros((rows, 2 * layout.MAX_MANIFOLD_POINTS + 3 * layout.MAX_CLIPPED_POINTS), wp.vec3d)
     state.manifold_count = zeros((rows, 2), wp.int32)
     state.contact_count = zeros((rows, 2), wp.int32)
+    state.half = zeros((rows,), wp.int32)
     state.overflowed = zeros((rows,), wp.int32)
     state.planes = zeros((rows, s), wp.vec4d)
     state.reaction = zeros((rows, n), wp.vec3d)

@@ -71,10 +71,13 @@ def _roll_out(advance: Any, together: int) -> Any:
         state = system.state
         scale = parameters[0].time_scale[w % parameters[0].time_scale.shape[0]]
         gravity = parameters[0].gravity[w % parameters[0].gravity.shape[0]]
-        load_bodies(system.geometry, parameters, state, w, k)
-        load_joints(system.joints, state, w, k)
-        time = wp.float64(0.0)
-        half = wp.int32(0)
+        time = schedule[0].begin[w]
+        half = state[0].half[k]
+        if time < wp.float64(0.0):
+            load_bodies(system.geometry, parameters, state, w, k)
+            load_joints(system.joints, state, w, k)
+            time = wp.float64(0.0)
+            half = wp.int32(0)
         own = schedule[0].own[w]
         for segment in range(schedule[0].reach[w]):
             for i in range(state[0].objects):
@@ -103,6 +106,7 @@ def _roll_out(advance: Any, together: int) -> Any:
                     samples[0].orientation[w, sample, i] = state[0].bodies[k, i].q
                     samples[0].velocity[w, sample, i] = state[0].bodies[k, i].v
                     samples[0].angular_velocity[w, sample, i] = state[0].bodies[k, i].w
+        state[0].half[k] = half
 
     return roll_out
 

@@ -87,7 +87,7 @@ class Body:
     q_free: where the step ends without contact forces; for an isotropic one rotation_free, its rotation vector, and
     w_start, the angular velocity at the start of the step, give q_free. inertia_body and its inverse are for unit mass,
     about the centre of mass. isotropic: 1 where the inertia is the same about all axes. swept: how far a point of the
-    body may move in one step [m]. push, push_torque: of deformable objects, constant over the step [N], [N m].
+    body may move in one step [m]. push, push_torque: by deformable objects or control, over the step [N], [N m].
     """
 
     x: wp.vec3d
@@ -192,6 +192,7 @@ class State:
     scratch: wp.array2d[wp.vec3d]  # (K, corners of the two faces being clipped)
     manifold_count: wp.array2d[wp.int32]  # (K, 2)
     contact_count: wp.array2d[wp.int32]  # (K, 2)
+    half: wp.array[wp.int32]  # (K,) the half of the last step's contacts, where a run ends
     overflowed: wp.array[wp.int32]  # (K,) 1 where the contact buffer is full
     planes: wp.array2d[wp.vec4d]  # (K, s) outward normal and offset of the statics that are planes
     reaction: wp.array2d[wp.vec3d]  # (K, n) acceleration by contacts and joints in the last step, where effects act

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from polyworld.core import buffers
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.references import by_reference
+from polyworld.solver.core.saved_state import SavedState
 from polyworld.solver.core.simulator import Batch, RigidSimulator
 from polyworld.solver.core.thread_pool import shares
 from polyworld.solver.core.time_table import Schedule
@@ -29,6 +31,7 @@ from polyworld.solver.spatial.joint_scene import write_joints
 from polyworld.solver.spatial.kernels import roll_out_kernel
 from polyworld.solver.spatial.scene import build_geometry
 from polyworld.trajectory import Event
+from polyworld.world.representations.joint import Hinge, Slider
 
 Array = NDArray[np.float64]
 
@@ -44,8 +47,11 @@ class SpatialSimulator(RigidSimulator):
         n_worlds: int = 1,
         record_events: bool = False,
         threads: int | None = None,
+        start: SavedState | None = None,
     ) -> None:
-        super().__init__(model, sample_times, n_worlds=n_worlds, record_events=record_events, threads=threads)
+        super().__init__(
+            model, sample_times, n_worlds=n_worlds, record_events=record_events, threads=threads, start=start
+        )
         self._geometry, self._trees = build_geometry(model)
         self._parameters = ParameterBuffers(self.world, n_worlds)
         self._state: Any
@@ -80,6 +86,31 @@ class SpatialSimulator(RigidSimulator):
         for content in self._motion.values():
             content.values[:worlds] = np.nan
             content.push()
+
+    def control(
+        self, forces: Array, torques: Array, efforts: Mapping[str, float], speeds: Mapping[str, float], /
+    ) -> None:
+        bodies = buffers.Mirror(self._state.bodies)
+        own = bodies.values[0, : len(self.names)]
+        own["push"], own["push_torque"] = forces, torques
+        bodies.push()
+        if self._joints.count:
+            joints = buffers.Mirror(self._joints.joint)
+            for row, kind in zip(joints.values[0], buffers.read(self._joints.kinds), strict=True):
+                joint = self.world.joints[kind["column"]]
+                if isinstance(joint, Hinge | Slider) and joint.motor is not None:
+                    sign = -1.0 if joint.motor.reverse else 1.0
+                    row["effort"] = efforts.get(joint.name, sign * joint.motor.limit)
+                    row["target_speed"] = speeds.get(joint.name, joint.motor.target_speed or 0.0)
+            joints.push()
+            buffers.write(self._joints.tree.known, 0)  # accelerations at the end of the last step were without this
+
+    def release(self) -> None:
+        still = np.zeros((len(self.names), 3))
+        self.control(still, still, {}, {})
+
+    def _records(self) -> dict[str, Any]:
+        return {"state": self._state, "joints": self._joints}
 
     def _kernel(self) -> Any:
         return roll_out_kernel(bool(self.world.joints))

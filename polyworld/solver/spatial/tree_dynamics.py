@@ -216,8 +216,8 @@ def load_links(
         v = linear(motion) + wp.cross(omega, rel)
         mass = state[0].bodies[k, i].mass
         own = rotation * (state[0].bodies[k, i].inertia * wp.transpose(rotation)) * mass
-        force = gravity * mass - v * (mass * state[0].bodies[k, i].linear_damping)
-        torque = wp.vec3d()
+        force = gravity * mass - v * (mass * state[0].bodies[k, i].linear_damping) + state[0].bodies[k, i].push
+        torque = state[0].bodies[k, i].push_torque
         if parameters[0].forces > 0:
             b = Motion()
             b.mass = mass
@@ -229,7 +229,7 @@ def load_links(
             b.gravity = gravity
             laws = effect_forces(parameters[0].effects, w, i, b)
             force += linear(laws)
-            torque = angular(laws)
+            torque += angular(laws)
             note_free(joints, state, k, n, force, torque, omega)
         torque -= own * omega * state[0].bodies[k, i].angular_damping
         spin = own * omega + wp.cross(rel, v * mass)
