@@ -10,7 +10,7 @@ from polyworld.solver.coupled.contact_layout import CROSSING, ON_FACE, ON_SIDE, 
 from polyworld.solver.coupled.contact_search import add
 from polyworld.solver.coupled.contact_solve import closest_on_segments
 from polyworld.solver.coupled.nodes import Clock, Nodes
-from polyworld.solver.coupled.surface_grid import Grid, bucket_of, cell_of, in_cell, sort_points
+from polyworld.solver.coupled.surface_grid import Grid, bucket_at, sort_points, span_of, visited
 from polyworld.solver.spatial.layout import OPTIONS
 from polyworld.solver.spatial.separation import triangle_weights
 
@@ -161,33 +161,32 @@ def list_faces(nodes: Nodes, surface: Surface, bounds: Bounds, pairs: Pairs, gri
     edge = wp.vec3d(reach, reach, reach)
     low = wp.min(wp.min(a, b), c) - edge
     high = wp.max(wp.max(a, b), c) + edge
-    for i in range(cell_of(low[0], grid.cell), cell_of(high[0], grid.cell) + 1):
-        for j in range(cell_of(low[1], grid.cell), cell_of(high[1], grid.cell) + 1):
-            for k in range(cell_of(low[2], grid.cell), cell_of(high[2], grid.cell) + 1):
-                bucket = bucket_of(i, j, k, grid.buckets)
-                for s in range(grid.start[w, bucket], grid.start[w, bucket + 1]):
-                    item = grid.items[w, s]
-                    n = pairs.node[item]
-                    o = nodes.owner[n]
-                    own = (n - n0) * (n - n1) * (n - n2) == 0
-                    if own or pairs.may[d, o] == 0 or nodes.active[w, n] == 0:
-                        continue
-                    p = nodes.x[w, n]
-                    if wp.length_sq(p - a) > ball * ball or not in_cell(grid, w, item, i, j, k):
-                        continue
-                    sum = surface.radius[n] + surface.radius[n0]
-                    if o == d or pairs.bonded[d, o] == 1:
-                        q = pairs.rest[n]
-                        nearest = wp.min(wp.length_sq(ra - q), wp.min(wp.length_sq(rb - q), wp.length_sq(rc - q)))
-                        ring = wp.max(RING * longest, sum + wp.float64(0.6) * longest)
-                        if nearest < ring * ring:
-                            continue
-                    weights = triangle_weights(a - p, b - p, c - p)
-                    away = p - a * weights[0] - b * weights[1] - c * weights[2]
-                    far = sum + margin
-                    if wp.length_sq(away) > far * far:
-                        continue
-                    list_pair(pairs.faces, pairs.face_count, found.overflowed, w, n, t)
+    span = span_of(grid, w, low, high)
+    for visit in range(span.visits):
+        bucket = bucket_at(grid, span, visit)
+        for s in range(grid.start[w, bucket], grid.start[w, bucket + 1]):
+            item = grid.items[w, s]
+            n = pairs.node[item]
+            o = nodes.owner[n]
+            own = (n - n0) * (n - n1) * (n - n2) == 0
+            if own or pairs.may[d, o] == 0 or nodes.active[w, n] == 0:
+                continue
+            p = nodes.x[w, n]
+            if wp.length_sq(p - a) > ball * ball or not visited(grid, w, item, span, visit):
+                continue
+            sum = surface.radius[n] + surface.radius[n0]
+            if o == d or pairs.bonded[d, o] == 1:
+                q = pairs.rest[n]
+                nearest = wp.min(wp.length_sq(ra - q), wp.min(wp.length_sq(rb - q), wp.length_sq(rc - q)))
+                ring = wp.max(RING * longest, sum + wp.float64(0.6) * longest)
+                if nearest < ring * ring:
+                    continue
+            weights = triangle_weights(a - p, b - p, c - p)
+            away = p - a * weights[0] - b * weights[1] - c * weights[2]
+            far = sum + margin
+            if wp.length_sq(away) > far * far:
+                continue
+            list_pair(pairs.faces, pairs.face_count, found.overflowed, w, n, t)
 
 
 @wp.kernel
@@ -206,20 +205,19 @@ def list_sides(nodes: Nodes, surface: Surface, pairs: Pairs, grid: Grid, found: 
     room = wp.vec3d(reach, reach, reach)
     low = wp.min(a, b) - room
     high = wp.max(a, b) + room
-    for i in range(cell_of(low[0], grid.cell), cell_of(high[0], grid.cell) + 1):
-        for j in range(cell_of(low[1], grid.cell), cell_of(high[1], grid.cell) + 1):
-            for k in range(cell_of(low[2], grid.cell), cell_of(high[2], grid.cell) + 1):
-                bucket = bucket_of(i, j, k, grid.buckets)
-                for s in range(grid.start[w, bucket], grid.start[w, bucket + 1]):
-                    item = grid.items[w, s]
-                    n = pairs.node[item]
-                    o = nodes.owner[n]
-                    if o == d or pairs.may[d, o] == 0 or nodes.active[w, n] == 0 or not in_cell(grid, w, item, i, j, k):
-                        continue
-                    p = nodes.x[w, n]
-                    part = wp.clamp(wp.dot(p - a, b - a) / wp.length_sq(b - a), wp.float64(0.0), wp.float64(1.0))
-                    if wp.length(p - a - (b - a) * part) <= reach:
-                        list_pair(pairs.sides, pairs.side_count, found.overflowed, w, n, t)
+    span = span_of(grid, w, low, high)
+    for visit in range(span.visits):
+        bucket = bucket_at(grid, span, visit)
+        for s in range(grid.start[w, bucket], grid.start[w, bucket + 1]):
+            item = grid.items[w, s]
+            n = pairs.node[item]
+            o = nodes.owner[n]
+            if o == d or pairs.may[d, o] == 0 or nodes.active[w, n] == 0 or not visited(grid, w, item, span, visit):
+                continue
+            p = nodes.x[w, n]
+            part = wp.clamp(wp.dot(p - a, b - a) / wp.length_sq(b - a), wp.float64(0.0), wp.float64(1.0))
+            if wp.length(p - a - (b - a) * part) <= reach:
+                list_pair(pairs.sides, pairs.side_count, found.overflowed, w, n, t)
 
 
 @wp.kernel
@@ -251,41 +249,40 @@ def list_crossings(nodes: Nodes, surface: Surface, bounds: Bounds, pairs: Pairs,
     room = wp.vec3d(reach, reach, reach)
     low = wp.min(a, b) - room
     high = wp.max(a, b) + room
-    for i in range(cell_of(low[0], grid.cell), cell_of(high[0], grid.cell) + 1):
-        for j in range(cell_of(low[1], grid.cell), cell_of(high[1], grid.cell) + 1):
-            for k in range(cell_of(low[2], grid.cell), cell_of(high[2], grid.cell) + 1):
-                bucket = bucket_of(i, j, k, grid.buckets)
-                for s in range(grid.start[w, bucket], grid.start[w, bucket + 1]):
-                    item = grid.items[w, s]
-                    f = pairs.edge[item]
-                    if f <= e:
-                        continue
-                    m0 = surface.edges[f, 0]
-                    o = nodes.owner[m0]
-                    if pairs.cross[d, o] == 0 or nodes.active[w, m0] == 0:
-                        continue
-                    m1 = surface.edges[f, 1]
-                    if wp.length_sq(grid.point[w, item] - centre) > ball * ball:
-                        continue
-                    if (n0 - m0) * (n0 - m1) * (n1 - m0) * (n1 - m1) == 0 or not in_cell(grid, w, item, i, j, k):
-                        continue
-                    sum = surface.radius[n0] + surface.radius[m0]
-                    if (o == d and pairs.chain[e] < 0) or pairs.bonded[d, o] == 1:
-                        longest = wp.max(pairs.segment[e], pairs.segment[f])
-                        ring = wp.max(EDGE_RING * longest, sum + longest)
-                        middle = (pairs.rest[m0] + pairs.rest[m1]) * wp.float64(0.5)
-                        if wp.length_sq(middle - rest) < ring * ring:
-                            continue
-                    if pairs.chain[e] >= 0 and pairs.chain[e] == pairs.chain[f]:
-                        between = wp.float64(wp.abs(pairs.place_in_chain[e] - pairs.place_in_chain[f]) - 1)
-                        if between * pairs.segment[e] < wp.float64(1.6) * sum or between < wp.float64(1.0):
-                            continue
-                    st = closest_on_segments(a, b, nodes.x[w, m0], nodes.x[w, m1])
-                    apart = a + (b - a) * st[0] - nodes.x[w, m0] - (nodes.x[w, m1] - nodes.x[w, m0]) * st[1]
-                    far = sum + margin
-                    if wp.length_sq(apart) > far * far:
-                        continue
-                    list_pair(pairs.crossings, pairs.crossing_count, found.overflowed, w, e, f)
+    span = span_of(grid, w, low, high)
+    for visit in range(span.visits):
+        bucket = bucket_at(grid, span, visit)
+        for s in range(grid.start[w, bucket], grid.start[w, bucket + 1]):
+            item = grid.items[w, s]
+            f = pairs.edge[item]
+            if f <= e:
+                continue
+            m0 = surface.edges[f, 0]
+            o = nodes.owner[m0]
+            if pairs.cross[d, o] == 0 or nodes.active[w, m0] == 0:
+                continue
+            m1 = surface.edges[f, 1]
+            if wp.length_sq(grid.point[w, item] - centre) > ball * ball:
+                continue
+            if (n0 - m0) * (n0 - m1) * (n1 - m0) * (n1 - m1) == 0 or not visited(grid, w, item, span, visit):
+                continue
+            sum = surface.radius[n0] + surface.radius[m0]
+            if (o == d and pairs.chain[e] < 0) or pairs.bonded[d, o] == 1:
+                longest = wp.max(pairs.segment[e], pairs.segment[f])
+                ring = wp.max(EDGE_RING * longest, sum + longest)
+                middle = (pairs.rest[m0] + pairs.rest[m1]) * wp.float64(0.5)
+                if wp.length_sq(middle - rest) < ring * ring:
+                    continue
+            if pairs.chain[e] >= 0 and pairs.chain[e] == pairs.chain[f]:
+                between = wp.float64(wp.abs(pairs.place_in_chain[e] - pairs.place_in_chain[f]) - 1)
+                if between * pairs.segment[e] < wp.float64(1.6) * sum or between < wp.float64(1.0):
+                    continue
+            st = closest_on_segments(a, b, nodes.x[w, m0], nodes.x[w, m1])
+            apart = a + (b - a) * st[0] - nodes.x[w, m0] - (nodes.x[w, m1] - nodes.x[w, m0]) * st[1]
+            far = sum + margin
+            if wp.length_sq(apart) > far * far:
+                continue
+            list_pair(pairs.crossings, pairs.crossing_count, found.overflowed, w, e, f)
 
 
 @wp.func
