@@ -67,13 +67,13 @@ def object_errors(
 ) -> tuple[ObjectError, ...]:
     """Compare a rollout of the world with the tracks in a range of frames; largest error beside the body's size first.
 
-    Planar worlds are compared in their plane, as fits are. Raises ValueError where the rollout diverges.
+    Planar worlds are compared in their plane, as fits are. Raises ValueError where the rollout ends early.
     """
     step = world.time.seconds_per_frame
     tracks = at_rate(record.tracks, step).window(*frames)
     _, result = compute_rollout(app, world, step * max(frames[1], 1), lambda _: progress.report(progress.done, 1.0))
     if result.status != "completed":
-        raise ValueError(f"the world diverges at {result.diverged_time:.4g} s ({result.diverged_object})")
+        raise ValueError(f"the world's run {result.why_ended()}")
     trajectory = result.trajectory
     rows = [int(np.argmin(np.abs(trajectory.times - time))) for time in tracks.times]
     normal = plane_axes(world.environment.motion_plane)[2]

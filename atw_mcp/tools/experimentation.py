@@ -24,7 +24,14 @@ from atw_mcp.probing.ensemble_answers import rollout_answer, rollout_in_words, t
 from atw_mcp.probing.ensembles import EnsembleSize, compute_ensemble, lineage
 from atw_mcp.results.experimentation import Events, RolloutMade, Shape, Timeline, Trajectory, VariantsMade
 from atw_mcp.worlds.rollout_cost import cost, size_in_words
-from atw_mcp.worlds.rollouts import checked_horizon, compute_rollout, find_rollout, sample_seconds_of, stored_rollout
+from atw_mcp.worlds.rollouts import (
+    checked_horizon,
+    compute_rollout,
+    evidence_status,
+    find_rollout,
+    sample_seconds_of,
+    stored_rollout,
+)
 from atw_mcp.worlds.sizes import check_additions, check_sizes
 from evidence_store import Case
 from polyworld.edits.interventions import Add, Intervention, branch
@@ -245,10 +252,12 @@ def _rollout_answer(
     what = "the committed world" if not edits else f"a branch with {len(edits)} edit{'s' * (len(edits) > 1)}"
     observed = (world.time.frame_count - 1) * world.time.seconds_per_frame
     summary = f"{identifier}: {what}, 0 to {span.end:.4g} s: {_timeline_in_words(rows, observed, span)}"
-    if result.status == "diverged":
-        summary = (
-            f"{identifier} DIVERGED at {result.diverged_time:.4g} s ({_where(result)}): valid only before. " + summary
-        )
+    ended = result.why_ended()
+    if ended is not None:
+        summary = f"{identifier} {ended[0].upper()}{ended[1:]}. It is valid only before. {summary}"
+    missing = result.why_no_contacts()
+    if missing is not None:
+        summary += f" Note: {missing}"
     return Answer(
         summary=summary,
         data={
@@ -263,7 +272,7 @@ def _rollout_answer(
             "diverged": None
             if result.status == "completed"
             else {
-                "time": result.diverged_time,
+                "time": result.diverged_time if result.truncated is None else result.truncated.time,
                 "object": result.diverged_object,
                 "element": result.diverged_element,
             },
@@ -276,15 +285,8 @@ def _rollout_answer(
         rollout=identifier,
         objects=result.trajectory.names,
         interval=span.seconds,
-        status=result.status,
+        status=evidence_status(result),
     )
-
-
-def _where(result: Rollout) -> str:
-    """The object, and the node of it, that a rollout diverged at."""
-    if result.diverged_object not in result.trajectory.deformables or result.diverged_element is None:
-        return str(result.diverged_object)
-    return f"{result.diverged_object}, node {result.diverged_element}"
 
 
 @GROUP.tool("ReadEvents", title="Read a rollout's events", returns=Events)
@@ -337,7 +339,7 @@ def read_events(
         rollout=rollout,
         objects=tuple(chosen),
         interval=span.seconds,
-        status=result.status,
+        status=evidence_status(result),
     )
 
 
@@ -414,7 +416,7 @@ def read_trajectory(
         rollout=rollout,
         objects=(name,),
         interval=span.seconds,
-        status=result.status,
+        status=evidence_status(result),
     )
     if ensemble is None:
         return answer
@@ -467,7 +469,7 @@ def _shape_answer(
         rollout=rollout,
         objects=(name,),
         interval=span.seconds,
-        status=result.status,
+        status=evidence_status(result),
     )
 
 
@@ -501,7 +503,7 @@ def read_timeline(
         rollout=rollout,
         objects=tuple(chosen),
         interval=span.seconds,
-        status=result.status,
+        status=evidence_status(result),
     )
 
 
@@ -525,10 +527,10 @@ def end_of(result: Rollout) -> float:
 
 
 def diverged_in_words(result: Rollout) -> str:
-    """Return what a summary adds where a rollout diverged."""
-    if result.status != "diverged":
-        return ""
-    return f" (the rollout diverged at {result.diverged_time:.4g} s: nothing after that is known)"
+    """Return what a summary adds where a rollout ended early, or lacks contacts."""
+    ended, missing = result.why_ended(), result.why_no_contacts()
+    found = "" if ended is None else f" (the rollout {ended}: nothing after that is known)"
+    return found if missing is None else f"{found} ({missing})"
 
 
 def _takes_part(participants: set[str], chosen: set[str], together: bool) -> bool:

@@ -33,7 +33,7 @@ from atw_mcp.probing import readouts
 from atw_mcp.probing.rollout_view import RolloutView, case_tracks, draw_observed
 from atw_mcp.results.looking import ObservedMotion, OutlinedFrames, PlainFrames, SimulatedFrames
 from atw_mcp.worlds.rollout_cost import size_in_words
-from atw_mcp.worlds.rollouts import checked_horizon, compute_rollout, find_rollout, stored_rollout
+from atw_mcp.worlds.rollouts import checked_horizon, compute_rollout, evidence_status, find_rollout, stored_rollout
 from atw_mcp.worlds.sizes import check_sizes
 from evidence_store import Case
 from polyworld.data.tracks import ObservedTracks
@@ -375,7 +375,7 @@ def _rollout_pictures(
         observation=view.record.id if view.record is not None else None,
         objects=tuple(names),
         interval=span.seconds,
-        status=result.status,
+        status=evidence_status(result),
         pictures=encoded(drawn),
     )
 

@@ -29,7 +29,7 @@ from atw_mcp.probing.ensemble_answers import (
 from atw_mcp.probing.ensembles import Ensemble, EnsembleSize, compute_ensemble, lineage
 from atw_mcp.results.querying import Answered, AnsweredSeveral, ComparedRollouts
 from atw_mcp.tools.experimentation import PATIENCE, Objects, RolloutId, diverged_in_words, end_of
-from atw_mcp.worlds.rollouts import sample_seconds_of, stored_rollout
+from atw_mcp.worlds.rollouts import evidence_status, sample_seconds_of, stored_rollout
 from evidence_store import Case
 from polyworld.probing.compare import Comparison, compare
 from polyworld.probing.predicates import Predicate, names_in
@@ -200,7 +200,7 @@ def _query_answer(
         rollout=rollout,
         objects=tuple(dict.fromkeys(name for statement in statements for name in names_in(statement))),
         interval=(min(a for a, _ in covered), max(b for _, b in covered)) if covered else None,
-        status=result.status,
+        status=evidence_status(result),
     )
 
 
@@ -371,8 +371,8 @@ def _comparison_answer(
         ],
         "only_in_base": list(result.objects_only_in_base),
         "only_in_edited": list(result.objects_only_in_other),
-        "base": {"rollout": base, "world": base_world.id, "horizon": first.horizon, "status": first.status},
-        "edited": {"rollout": edited, "world": world.id, "horizon": second.horizon, "status": second.status},
+        "base": {"rollout": base, "world": base_world.id, "horizon": first.horizon, "status": evidence_status(first)},
+        "edited": {"rollout": edited, "world": world.id, "horizon": second.horizon, "status": evidence_status(second)},
         "covers": span.shown(),
         "tolerance": tolerance,
     }
@@ -386,5 +386,5 @@ def _comparison_answer(
         rollout=edited,
         objects=tuple(chosen),
         interval=span.seconds,
-        status="diverged" if "diverged" in (first.status, second.status) else "completed",
+        status="diverged" if "diverged" in map(evidence_status, (first, second)) else "completed",
     )

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from dataclasses import asdict
+from typing import Any, Literal
 
 import numpy as np
 from mcp.server.mcpserver.exceptions import ToolError
@@ -14,11 +15,11 @@ from atw_mcp.calls.names import case_hint
 from atw_mcp.worlds.rollout_cost import cost, longest_horizon
 from evidence_store import Case, Content, UnknownRecord
 from polyworld.solver.rollout import MAX_SUBSTEPS, rollout
-from polyworld.trajectory import Event, PointMotion, Rollout, Trajectory
+from polyworld.trajectory import Event, PointMotion, Rollout, Trajectory, Truncation
 from polyworld.world import World
 
 KIND = "rollout"
-ENGINE = 2  # raise when the engine's results change: stored rollouts then no longer answer for new ones
+ENGINE = 3  # raise when the engine's results change: stored rollouts then no longer answer for new ones
 MAX_SAMPLES = 20_000  # frames in one rollout
 MANY_POINTS = 4_000  # of one object
 ROUNDED = 1e-5  # a frame's time as people write it, such as 0.033333
@@ -126,6 +127,11 @@ def _inputs(world: World, horizon: float, sample: float | None) -> dict[str, Any
     return {**inputs, "sample_seconds": sample}
 
 
+def evidence_status(result: Rollout) -> Literal["completed", "diverged"]:
+    """Return a rollout's status in evidence, where `diverged` is any run that ended before its horizon."""
+    return "completed" if result.status == "completed" else "diverged"
+
+
 def content_of(result: Rollout) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
     """JSON part and arrays of a rollout, as the store keeps them."""
     document = {
@@ -137,6 +143,8 @@ def content_of(result: Rollout) -> tuple[dict[str, Any], dict[str, np.ndarray[An
         "diverged_time": result.diverged_time,
         "diverged_object": result.diverged_object,
         "diverged_element": result.diverged_element,
+        "truncated": None if result.truncated is None else asdict(result.truncated),
+        "contacts_until": result.contacts_until,
     }
     arrays = {name: getattr(result.trajectory, name) for name in SERIES}
     for name, motion in result.trajectory.deformables.items():
@@ -173,6 +181,8 @@ def rollout_from(document: Mapping[str, Any], arrays: Mapping[str, np.ndarray[An
         diverged_time=document["diverged_time"],
         diverged_object=document["diverged_object"],
         diverged_element=document.get("diverged_element"),
+        truncated=None if document.get("truncated") is None else Truncation(**document["truncated"]),
+        contacts_until=document.get("contacts_until"),
     )
 
 

@@ -146,6 +146,13 @@ def write(values: Any, new: Any, where: Any = ...) -> None:
         values.assign(content)
 
 
+def copy(source: Any, target: Any, start: int, at: int, count: int) -> None:
+    """Copy `count` elements of an array (N,), from `start` on, to another from `at` on."""
+    if count:
+        with LOCK.shared():
+            wp.copy(target, source, at, start, count)
+
+
 def write_bytes(values: Any, content: Any) -> None:
     """Copy a ctypes structure into the memory of an array of one."""
     size = ctypes.sizeof(content)

@@ -223,7 +223,7 @@ class Batch:
         orientations, spins = moved.orientations[chosen], moved.angular_velocities[chosen]
         if columns is not None:
             orientations, spins = orientations[:, :, columns], spins[:, :, columns]
-        diverged = moved.diverged[chosen]
+        diverged = moved.stopped[chosen]
         if self.observer is None:
             return Motion(names, diverged, positions, orientations, spins)
         most = max(len(r.times) for r in runs)

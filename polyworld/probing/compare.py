@@ -86,15 +86,19 @@ def compare(
 
     objects: names to compare (default: all); an event belongs when one of its participants does. tolerance
     [m]: distance from which an object has parted from its base motion. time_tolerance [s]: events of equal
-    kind and participants no further apart are the same event. Raises KeyError for a name in neither rollout.
+    kind and participants no further apart are the same event. Raises KeyError for a name in neither rollout, and
+    ValueError for a rollout without events.
     """
+    for rollout, what in ((base, "base"), (other, "other")):
+        if rollout.contacts_until is not None and rollout.contacts_until <= 0.0:
+            raise ValueError(f"of the {what} rollout {rollout.why_no_contacts()}: roll it out again with them")
     ours, theirs = base.trajectory.names, other.trajectory.names
     known = list(dict.fromkeys([*ours, *theirs]))
     chosen = list(objects) if objects is not None else known
     unknown = [name for name in chosen if name not in known]
     if unknown:
         raise KeyError(f"unknown objects {unknown}; objects in either rollout: {known}")
-    horizon = min(_end(base.trajectory), _end(other.trajectory))
+    horizon = min(_end(base), _end(other))
     a = [e for e in base.events if _belongs(e, chosen, horizon, objects is None)]
     b = [e for e in other.events if _belongs(e, chosen, horizon, objects is None)]
     matches = match_events(a, b, time_tolerance)
@@ -219,5 +223,8 @@ def _belongs(event: Event, chosen: Sequence[str], horizon: float, everything: bo
     return event.time <= horizon and (everything or any(p in chosen for p in event.participants))
 
 
-def _end(trajectory: Trajectory) -> float:
-    return float(trajectory.times[-1]) if len(trajectory.times) else 0.0
+def _end(rollout: Rollout) -> float:
+    """Return the time to which both motion and contacts are known [s]."""
+    times, until = rollout.trajectory.times, rollout.contacts_until
+    end = float(times[-1]) if len(times) else 0.0
+    return end if until is None else min(end, until)

@@ -179,7 +179,13 @@ def _decided(
         wet = _wet(rollout.trajectory, world, predicate, covered)
         if isinstance(wet, str):
             return _unknown(wet)
-        holds, evidence = _contacts(rollout, predicate, covered) if wet is None else wet
+        if wet is None:
+            recorded = rollout.horizon if rollout.contacts_until is None else rollout.contacts_until
+            if recorded < covered[0] or recorded <= 0.0:
+                return _unknown(str(rollout.why_no_contacts()))
+            covered = (covered[0], min(covered[1], recorded))
+            wet = _contacts(rollout, predicate, covered)
+        holds, evidence = wet
         extremes, moments, unit = None, (np.nan, np.nan), "m"
     else:
         between = None

@@ -131,12 +131,15 @@ def rollout(
     horizon: float,
     *,
     sample_interval: float | None = None,
+    record_events: bool = True,
     progress: Callable[[float], None] | None = None,
     start: SavedState | None = None,
 ) -> Rollout:
     """Roll one world out to `horizon` [s], sampled every `sample_interval` [s] (default: one frame).
 
-    Samples are taken at 0, one interval, two, ... and at the horizon. progress: as for `simulator`. start: a state
+    Samples are taken at 0, one interval, two, ... and at the horizon. record_events: False for the motion alone, which
+    is the same; the rollout then has no events and says so (`Rollout.contacts_until`). progress: as for `simulator`.
+    start: a state
     of this world, see `state_at`, that the run goes on from; the horizon still counts from time 0, and the result holds
     the samples and events from that state on. Where it was saved at a sample time they equal those of the whole run to
     the bit. Raises ValueError for a horizon that is not positive, or asks for more than MAX_SUBSTEPS substeps or
@@ -145,7 +148,7 @@ def rollout(
     times = sampled_times(world, horizon, sample_interval)
     if start is not None:
         times = _times_from(start.time, times)
-    batch = simulator(world, times, record_events=True, threads=1, progress=progress, start=start).run()
+    batch = simulator(world, times, record_events=record_events, threads=1, progress=progress, start=start).run()
     found = _rollout_of(world, batch, 0, horizon)
     return found if start is None else replace(found, events=tuple(e for e in found.events if e.time >= start.time))
 
@@ -182,15 +185,17 @@ def rollouts(
     horizon: float,
     *,
     sample_interval: float | None = None,
+    record_events: bool = True,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Rollout, ...]:
     """Roll variants of one world out together, as `rollout` does one.
 
     overrides: parameter path -> values (N,) that make the world into `members`. A member with another
-    seconds_per_frame has a proportional horizon.
+    seconds_per_frame has a proportional horizon. record_events, progress: as for `rollout`.
     """
     times = sampled_times(world, horizon, sample_interval)
-    batch = simulator(world, times, n_worlds=len(members), record_events=True, progress=progress).run(overrides)
+    machine = simulator(world, times, n_worlds=len(members), record_events=record_events, progress=progress)
+    batch = machine.run(overrides)
     frame = world.time.seconds_per_frame
     return tuple(
         _rollout_of(member, batch, i, horizon * member.time.seconds_per_frame / frame)
@@ -223,18 +228,22 @@ def sampled_times(world: World, horizon: float, sample_interval: float | None = 
 
 
 def _rollout_of(world: World, batch: BatchTrajectory, index: int, horizon: float) -> Rollout:
-    """The rollout of one world of a batch whose events were recorded."""
+    """The rollout of one world of a batch."""
     interruption.check()
     trajectory = batch.world(index)
-    diverged = bool(batch.diverged[index])
+    diverged, truncated = bool(batch.diverged[index]), batch.truncated.get(index)
     element = batch.diverged_element
+    until = None if batch.contacts_until is None else batch.contacts_until[index]
+    recorded = until is None or until > 0.0
     return Rollout(
         world_id=world.id,
         horizon=horizon,
         trajectory=trajectory,
-        events=all_events(world, trajectory, batch.events[index]),
-        status="diverged" if diverged else "completed",
+        events=all_events(world, trajectory, batch.events[index]) if recorded else (),
+        status="diverged" if diverged else "completed" if truncated is None else "truncated",
         diverged_time=float(batch.diverged_time[index]) if diverged else None,
         diverged_object=batch.names[int(batch.diverged_object[index])] if diverged else None,
         diverged_element=int(element[index]) if diverged and element is not None else None,
+        truncated=truncated,
+        contacts_until=until,
     )

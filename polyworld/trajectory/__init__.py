@@ -3,6 +3,6 @@
 Read `trajectory` (the records) first, then `events` (which find entries, exits and rest in them).
 """
 
-from polyworld.trajectory.trajectory import BatchTrajectory, Event, PointMotion, Rollout, Trajectory
+from polyworld.trajectory.trajectory import BatchTrajectory, Event, PointMotion, Rollout, Trajectory, Truncation
 
-__all__ = ["BatchTrajectory", "Event", "PointMotion", "Rollout", "Trajectory"]
+__all__ = ["BatchTrajectory", "Event", "PointMotion", "Rollout", "Trajectory", "Truncation"]

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 EventKind = Literal["contact_begin", "contact_end", "entry", "exit", "rest", "release"]
-Status = Literal["completed", "diverged"]
+Status = Literal["completed", "diverged", "truncated"]
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Trajectory:
 
     times (T,) [s]; positions (T, n, 3) [m]; orientations (T, n, 4) w, x, y, z; velocities (T, n, 3) [m/s];
     angular_velocities (T, n, 3) [rad/s]; active (T, n): False before an object's start_time.
-    Rows after a divergence are absent: T then is shorter than asked.
+    Rows after a divergence or truncation are absent: T then is shorter than asked.
     """
 
     names: tuple[str, ...]
@@ -91,8 +91,21 @@ class Trajectory:
 
 
 @dataclass(frozen=True)
+class Truncation:
+    """The end of a run that could not go on: when [s], and why, in words."""
+
+    time: float
+    reason: str
+
+
+@dataclass(frozen=True)
 class Rollout:
-    """A world run forward: deterministic, so equal worlds and horizons give equal bytes."""
+    """A world run forward: deterministic, so equal worlds and horizons give equal bytes.
+
+    truncated: when and why the run was ended early, though nothing diverged. contacts_until: contact and release events
+    are known up to this time [s] only, 0 where events were not recorded (then there is none of any kind); None where
+    they are known throughout.
+    """
 
     world_id: str
     horizon: float
@@ -102,6 +115,25 @@ class Rollout:
     diverged_time: float | None = None
     diverged_object: str | None = None
     diverged_element: int | None = None  # node of a deformable object
+    truncated: Truncation | None = None
+    contacts_until: float | None = None
+
+    def why_ended(self) -> str | None:
+        """Return when and why the run ended before its horizon, in words; None where it did not."""
+        if self.truncated is not None:
+            return f"truncated at {self.truncated.time:.4g} s: {self.truncated.reason}"
+        if self.status == "completed":
+            return None
+        node = "" if self.diverged_object not in self.trajectory.deformables else f", node {self.diverged_element}"
+        return f"diverged at {self.diverged_time:.4g} s ({self.diverged_object}{node})"
+
+    def why_no_contacts(self) -> str | None:
+        """Return why contacts are not known throughout, in words; None where they are."""
+        if self.contacts_until is None:
+            return None
+        if self.contacts_until <= 0.0:
+            return "events were not recorded (record_events=False)"
+        return f"contact events are recorded up to {self.contacts_until:.6g} s only: there were too many"
 
 
 @dataclass(frozen=True)
@@ -110,7 +142,8 @@ class BatchTrajectory:
 
     Samples of a diverged world from its divergence on are NaN and `diverged` (W,) is True there;
     diverged_time (W,) [s] and diverged_object (W,) index say where it happened (NaN, -1 elsewhere).
-    times (W, T): worlds with different seconds_per_frame have different times.
+    times (W, T): worlds with different seconds_per_frame have different times. truncated: of the worlds that ended
+    early without a divergence, by index; their samples from then on are NaN too. contacts_until (W,): see `Rollout`.
     """
 
     names: tuple[str, ...]
@@ -126,13 +159,28 @@ class BatchTrajectory:
     events: tuple[tuple[Event, ...], ...]  # one tuple a world; empty tuples when events were not recorded
     deformables: Mapping[str, PointMotion] = field(default_factory=dict)
     diverged_element: NDArray[np.int64] | None = None  # (W,) node of a deformable object, 0 of a rigid one, -1
+    truncated: Mapping[int, Truncation] = field(default_factory=dict)
+    contacts_until: tuple[float | None, ...] | None = None
+
+    @property
+    def stopped(self) -> Bools:
+        """Whether each world (W,) diverged or was truncated."""
+        found: Bools = self.diverged | np.isfinite(self.end_times())
+        return found
+
+    def end_times(self) -> Array:
+        """Times (W,) at which worlds diverged or were truncated [s]; NaN where they were not."""
+        found: Array = np.where(self.diverged, self.diverged_time, np.nan)
+        for w, truncation in self.truncated.items():
+            found[w] = truncation.time
+        return found
 
     def world(self, index: int) -> Trajectory:
-        """Return the trajectory of one world, cut before its divergence."""
-        count = self.times.shape[1]
-        if self.diverged[index]:
+        """Return the trajectory of one world, cut before its divergence or truncation."""
+        count, end = self.times.shape[1], self.end_times()[index]
+        if np.isfinite(end):
             # Not by what is NaN: so is the centre of a fluid that has not started to flow.
-            count = int(np.searchsorted(self.times[index], self.diverged_time[index] * (1.0 - 1e-12)))
+            count = int(np.searchsorted(self.times[index], end * (1.0 - 1e-12)))
         keep = slice(0, count)
         return Trajectory(
             names=self.names,

@@ -85,7 +85,7 @@ class Objective:
     def losses(self, batch: BatchTrajectory) -> Array:
         """Return the loss (W,) of every world over the samples the batch holds.
 
-        Diverged worlds get `DIVERGED` times the share of the horizon they did not reach, plus `DIVERGED`.
+        Diverged and truncated worlds get `DIVERGED` times the share of the horizon they did not reach, plus `DIVERGED`.
         """
         weight = self.weight(batch.positions.shape[1])
         if weight == 0.0:
@@ -94,20 +94,20 @@ class Objective:
         for residual, confidence in self._standardised(batch):
             total += huber(np.linalg.norm(residual, axis=-1), self.settings.huber) @ confidence
         losses: Array = total / weight
-        broken = batch.diverged | ~np.isfinite(losses)
+        broken = batch.stopped | ~np.isfinite(losses)
         if broken.any():
             end = max(float(batch.times[:, -1].max()), 1e-12)
-            reached = np.nan_to_num(batch.diverged_time[broken], nan=0.0) / end
+            reached = np.nan_to_num(batch.end_times()[broken], nan=0.0) / end
             losses[broken] = DIVERGED * (2.0 - np.clip(reached, 0.0, 1.0))
         return losses
 
     def residuals(self, batch: BatchTrajectory) -> Array:
-        """Weighted standardised residuals (W, r): sqrt(c) times every component; NaN for diverged worlds.
+        """Weighted standardised residuals (W, r): sqrt(c) times every component; NaN for diverged and truncated worlds.
 
         Their sum of squares is the least-squares (not Huber) form of the loss times its normaliser.
         """
         parts = [_flat(residual * np.sqrt(weight)[:, None]) for residual, weight in self._standardised(batch)]
-        return np.where(batch.diverged[:, None], np.nan, np.concatenate(parts, axis=1))
+        return np.where(batch.stopped[:, None], np.nan, np.concatenate(parts, axis=1))
 
     def huber_weights(self, batch: BatchTrajectory) -> Array:
         """Return weights (W, r) min(1, k / r) by which iterated least squares reproduces Huber's loss."""

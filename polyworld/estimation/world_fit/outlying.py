@@ -26,7 +26,7 @@ def outlying_frames(
     """Return frames, by object, of which at most a share `settings.most` of its positions exceeds Huber's threshold."""
     most = (settings or OutlyingSettings()).most
     batch = problem.run_one(result)
-    if batch.diverged[0]:
+    if batch.stopped[0]:
         return ()
     entry = problem.objective.entries[0]
     sizes = np.linalg.norm(entry.standardised(batch)[0], axis=-1)

@@ -193,7 +193,7 @@ class FitProblem:
     def _accuracies(self, world: World) -> tuple[Accuracy | None, Accuracy | None]:
         """Over the fitted frames and over those held out."""
         batch = self._rollout(world, self.tracks)
-        if batch.diverged[0]:
+        if batch.stopped[0]:
             return None, None
         entries, fitted, every = observed_entries(world, self.tracks), self.samples, len(self.tracks.frames)
         rest = errors(entries, batch, fitted, every) if fitted < every else None

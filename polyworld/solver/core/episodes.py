@@ -13,9 +13,14 @@ from polyworld.core import buffers
 from polyworld.trajectory import Event
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
-MERGE = 0.05  # a contact that opens for less than this goes on: rattling is one contact [s]
-EPISODES = 1024  # contact episodes kept for a world; more is an error, not a silence
+# A contact that opens for less than this goes on: rattling is one contact [s]. Under gravity that is a hop of 3 mm,
+# slower than 0.25 m/s.
+MERGE = 0.05
+EPISODES = 65_536  # that the worlds of a batch have room for at first, all together: 7 MB where they are used
+FEWEST_EPISODES = 64  # that each of them has
+MOST_EPISODES = 250_000  # of one world: some 30 MB here, and 250 MB as events, which are Python's objects
 
 
 @wp.struct
@@ -37,11 +42,18 @@ class Episode:
 
 @wp.struct
 class Log:
-    """Contact episodes (W, E), how many began (W,), and which one is open for a pair (W, n, m), -1 for none."""
+    """Contact episodes of all worlds, those of world w from first[w] on, and which is the last of each pair.
 
-    episodes: wp.array2d[Episode]
-    count: wp.array[wp.int32]  # may exceed the capacity: the rest was not stored
-    open: wp.array3d[wp.int32]
+    Episodes beyond a world's room are counted and merged like the others, but not stored: `count` is what a world needs
+    room for, whatever it has.
+    """
+
+    episodes: wp.array[Episode]
+    first: wp.array[wp.int32]  # (W,)
+    room: wp.array[wp.int32]  # (W,)
+    count: wp.array[wp.int32]  # (W,) how many began
+    open: wp.array3d[wp.int32]  # (W, n, m) number of the pair's last one, -1 for none
+    seen: wp.array3d[wp.float64]  # (W, n, m) when the pair last touched [s]
     merge: wp.float64  # a contact that opens for less than this goes on [s]
     record: int
 
@@ -50,22 +62,37 @@ class Log:
 def record_touch(log: Log, w: int, touch: Episode) -> None:
     """Add what a pair went through in one step to its open episode, or begin an episode with it."""
     k = log.open[w, touch.a, touch.b]
-    if k >= 0 and touch.begin - log.episodes[w, k].last <= log.merge:
-        if touch.begin == log.episodes[w, k].begin:  # another point of the first touch
-            log.episodes[w, k].first_impulse += touch.first_impulse
-            log.episodes[w, k].speed = wp.max(log.episodes[w, k].speed, touch.speed)
-        log.episodes[w, k].impulse += touch.impulse
-        log.episodes[w, k].last = touch.last
+    if k >= 0 and touch.begin - log.seen[w, touch.a, touch.b] <= log.merge:
+        log.seen[w, touch.a, touch.b] = touch.last
+        if k < log.room[w]:
+            e = log.first[w] + k
+            if touch.begin == log.episodes[e].begin:  # another point of the first touch
+                log.episodes[e].first_impulse += touch.first_impulse
+                log.episodes[e].speed = wp.max(log.episodes[e].speed, touch.speed)
+            log.episodes[e].impulse += touch.impulse
+            log.episodes[e].last = touch.last
         return
-    slot = log.count[w]
-    log.count[w] = slot + 1
-    if slot < log.episodes.shape[1]:
-        log.episodes[w, slot] = touch
-        log.open[w, touch.a, touch.b] = slot
+    k = log.count[w]
+    log.count[w] = k + 1
+    log.open[w, touch.a, touch.b] = k
+    log.seen[w, touch.a, touch.b] = touch.last
+    if k < log.room[w]:
+        log.episodes[log.first[w] + k] = touch
+
+
+@wp.func
+def record_nearness(log: Log, w: int, a: int, b: int, time: wp.float64) -> None:
+    """Note that a pair has not parted, without an impulse: what it bears next still belongs to the same episode."""
+    if log.open[w, a, b] >= 0 and time - log.seen[w, a, b] <= log.merge:
+        log.seen[w, a, b] = time
 
 
 class ContactLog:
-    """Contact episodes of W worlds between n objects and m others; `record` is what kernels write to."""
+    """Contact episodes of W worlds between n objects and m others; `record` is what kernels write to.
+
+    A world has room for `capacity` episodes at first, and for more with `grow` or `reserve`; what is recorded does not
+    depend on it.
+    """
 
     def __init__(
         self,
@@ -74,59 +101,118 @@ class ContactLog:
         others: Sequence[str],
         *,
         record: bool,
-        capacity: int = EPISODES,
+        capacity: int | None = None,
     ) -> None:
         """names (n,), others (m,): of an episode's a and b. record: whether any are kept."""
         self._names, self._others = tuple(names), tuple(others)
-        self._capacity = capacity
+        size = (capacity or max(EPISODES // n_worlds, FEWEST_EPISODES)) if record else 1
         self.record = Log()
         self.record.record = int(record)
         self.record.merge = MERGE
-        self.record.episodes = buffers.zeros((n_worlds, capacity if record else 1), Episode)
+        # Left unwritten, so that room which is not needed takes no memory.
+        self.record.episodes = buffers.empty((n_worlds * size,), Episode)
+        self.record.first = buffers.ints(np.arange(n_worlds) * size)
+        self.record.room = buffers.ints(np.full(n_worlds, size))
         self.record.count = buffers.zeros((n_worlds,), wp.int32)
         pairs = (n_worlds, len(self._names), len(self._others))
         self.record.open = buffers.zeros(pairs if record else (1, 1, 1), wp.int32)
+        self.record.seen = buffers.zeros(pairs if record else (1, 1, 1), wp.float64)
         self._open, self._count = buffers.Mirror(self.record.open), buffers.Mirror(self.record.count)
+        self._first, self._room = buffers.Mirror(self.record.first), buffers.Mirror(self.record.room)
 
     def saved(self) -> dict[str, NDArray[Any]]:
         """Return the episodes of the only world so far, and which are open."""
-        count = self._count.pull().copy()
-        kept = buffers.read(self.record.episodes)[0, : count[0]].copy()
-        return {"log.count": count, "log.open": self._open.pull().copy(), "log.episodes": kept}
+        count, first = int(self._count.pull()[0]), int(self._first.values[0])
+        return {
+            "log.open": self._open.pull().copy(),
+            "log.seen": buffers.read(self.record.seen).copy(),
+            "log.episodes": buffers.read(self.record.episodes)[first : first + count].copy(),
+        }
 
     def restore(self, saved: Mapping[str, NDArray[Any]]) -> None:
         """Take what `saved` returned, where contacts are recorded."""
         if not self.record.record:
             return
+        self.clear()
         episodes = saved["log.episodes"]
-        if len(episodes) > self._capacity:
-            raise RuntimeError(f"{len(episodes)} contacts began before; room for {self._capacity}")
-        for kept, name in ((self._open, "log.open"), (self._count, "log.count")):
-            kept.values[:] = saved[name]
-            kept.push()
-        buffers.write(self.record.episodes, episodes, np.s_[0, : len(episodes)])
+        self.reserve(len(episodes))
+        self._open.values[:], self._count.values[:] = saved["log.open"], len(episodes)
+        self._open.push()
+        self._count.push()
+        first = int(self._first.values[0])
+        buffers.write(self.record.episodes, episodes, np.s_[first : first + len(episodes)])
+        buffers.write(self.record.seen, saved["log.seen"])
 
-    def clear(self) -> None:
-        """Empty the log: no contact has started."""
-        for kept, none in ((self._open, -1), (self._count, 0)):
-            kept.values[:] = none
-            kept.push()
+    def clear(self, worlds: Ints | slice = slice(None)) -> None:
+        """Empty the log, or that of some worlds: no contact has started."""
+        if self.record.record:
+            self._open.pull()[worlds] = -1
+            self._open.push()
+        self._count.pull()[worlds] = 0
+        self._count.push()
 
-    def events(
-        self, w: int, end: float, what: str = "contacts", place: Callable[[Any], Array] | None = None
-    ) -> tuple[Event, ...]:
+    def short(self) -> Ints:
+        """Return the worlds in which more contacts began than there is room for, and may be made room for."""
+        room = self._room.values
+        found: Ints = np.flatnonzero((self._count.pull() > room) & (room < MOST_EPISODES))
+        return found
+
+    def grow(self, worlds: Ints) -> None:
+        """Make room for as many contacts as began in these worlds; their log is to be recorded again."""
+        self._enlarge(worlds, np.minimum(self._count.pull()[worlds], MOST_EPISODES))
+
+    def reserve(self, more: int) -> bool:
+        """Make room for `more` contacts than began so far, up to MOST_EPISODES; return whether arrays were replaced."""
+        needed = np.minimum(self._count.pull() + more, MOST_EPISODES)
+        worlds = np.flatnonzero(needed > self._room.values)
+        if not len(worlds):
+            return False
+        self._enlarge(worlds, np.maximum(needed[worlds], 2 * self._room.values[worlds]))
+        return True
+
+    def reserve_for(self, duration: float) -> bool:
+        """As `reserve`, for all contacts that may begin within `duration` [s]: for a pair at most one every MERGE."""
+        if not self.record.record:
+            return False
+        return self.reserve((1 + int(duration / MERGE)) * len(self._names) * len(self._others))
+
+    def _enlarge(self, worlds: Ints, sizes: Ints) -> None:
+        """Give some worlds room for so many episodes (worlds,), at the end of a longer array."""
+        old = self.record.episodes
+        length = old.shape[0]
+        longer = buffers.empty((length + int(sizes.sum()),), Episode)
+        buffers.copy(old, longer, 0, 0, length)
+        ends = length + np.cumsum(sizes)
+        for w, end, size in zip(worlds, ends, sizes, strict=True):
+            count = int(min(self._count.values[w], self._room.values[w]))
+            buffers.copy(old, longer, int(self._first.values[w]), int(end - size), count)
+        self.record.episodes = longer
+        self._first.values[worlds] = ends - sizes
+        self._room.values[worlds] = sizes
+        self._first.push()
+        self._room.push()
+
+    def complete_until(self, w: int) -> float | None:
+        """Return the time [s] up to which the contacts of world w are recorded; None where all are."""
+        if not self.record.record:
+            return 0.0
+        room = int(self._room.values[w])
+        if self._count.pull()[w] <= room:
+            return None
+        last = int(self._first.values[w]) + room - 1
+        return float(buffers.read(self.record.episodes[last : last + 1])[0]["begin"])
+
+    def events(self, w: int, end: float, place: Callable[[Any], Array] | None = None) -> tuple[Event, ...]:
         """Return the contact events of world w in order of time; a contact that lasts to `end` [s] has no end.
 
-        what: the contacts' name in an error. place: returns the position (3,) of an episode in world axes; default: as
-        it is stored. Raises RuntimeError where more contacts began than there is room for.
+        place: returns the position (3,) of an episode in world axes; default: as it is stored. Where more contacts
+        began than MOST_EPISODES, these are the first of them, see `complete_until`.
         """
         if not self.record.record:
             return ()
-        count = int(self._count.pull()[w])
-        if count > self._capacity:
-            raise RuntimeError(f"{count} {what} began; room for {self._capacity}: shorten the horizon")
+        first, count = int(self._first.values[w]), int(min(self._count.pull()[w], self._room.values[w]))
         found = []
-        for e in buffers.read(self.record.episodes[w])[:count]:
+        for e in buffers.read(self.record.episodes[first : first + count] if count else self.record.episodes)[:count]:
             pair = tuple(sorted((self._names[e["a"]], self._others[e["b"]])))
             x, y, z = (float(v) for v in (e["position"] if place is None else place(e)))
             begin, last = float(e["begin"]), float(e["last"])

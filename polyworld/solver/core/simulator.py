@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from polyworld.core import buffers, interruption
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
-from polyworld.solver.core.episodes import EPISODES, ContactLog
+from polyworld.solver.core.episodes import ContactLog
 from polyworld.solver.core.saved_state import SavedState, arrays_of, copied, write_back
 from polyworld.solver.core.thread_pool import available_cores, run_in_pool, shares
 from polyworld.solver.core.time_table import TimeTable, schedule_record, schedules, time_table
-from polyworld.trajectory import BatchTrajectory, Event
+from polyworld.trajectory import BatchTrajectory, Event, Truncation
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -28,7 +28,7 @@ Ints = NDArray[np.int64]
 class Outcome:
     """How runs ended (W,): the object that diverged, -1 for none, and when [s].
 
-    overflowed: above 0 where there was no room for all contacts.
+    overflowed: above 0 where there was no room for all contacts; what follows the time then is worthless.
     """
 
     diverged_object: wp.array[wp.int32]
@@ -38,7 +38,8 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Batch:
-    """W worlds that were rolled out: their parameters, schedules (W,), sample times (W, T) [s], and what diverged (W,).
+    """W worlds that were rolled out: their parameters, schedules (W,), sample times (W, T) [s], and which diverged or
+    were truncated (W,).
 
     count: T, of the samples reached.
     """
@@ -48,6 +49,7 @@ class Batch:
     count: int
     times: Array
     diverged: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
 
     @property
     def worlds(self) -> int:
@@ -80,7 +82,8 @@ def check_worlds(capacity: int, overrides: Mapping[str, Array] | None, schedule:
 class RigidSimulator(ABC):
     """W variants of one world of rigid bodies, run in one kernel launch per share of the worlds.
 
-    See `polyworld.solver.rollout.simulator`. Buffers are allocated once and written in place on every run.
+    See `polyworld.solver.rollout.simulator`. Buffers are allocated once and written in place on every run. Worlds whose
+    contacts did not fit are run again with more room, which does not change what they do.
     """
 
     def __init__(
@@ -91,10 +94,11 @@ class RigidSimulator(ABC):
         n_worlds: int = 1,
         record_events: bool = False,
         threads: int | None = None,
-        episodes: int = EPISODES,
+        episodes: int | None = None,
         start: SavedState | None = None,
     ) -> None:
-        """episodes: contact episodes kept for a world. start: the state that all worlds go on from."""
+        """episodes: contact episodes that a world has room for at first, see `ContactLog`. start: the state that all
+        worlds go on from."""
         self.model, self.world = model, model.world
         self.names = tuple(o.name for o in self.world.objects)
         self.n_worlds = n_worlds
@@ -113,6 +117,7 @@ class RigidSimulator(ABC):
         self._diverged_object = buffers.Mirror(self._outcome.diverged_object)
         self._diverged_time = buffers.Mirror(self._outcome.diverged_time)
         self._overflowed = buffers.Mirror(self._outcome.overflowed)
+        self._outcomes = (self._diverged_object, self._diverged_time, self._overflowed)
         all_names = self.names + tuple(s.name for s in self.world.statics)
         self._log = ContactLog(n_worlds, self.names, all_names, record=record_events, capacity=episodes)
 
@@ -127,6 +132,10 @@ class RigidSimulator(ABC):
         batch = self._roll(overrides, samples, schedule)
         positions, orientations, velocities, angular_velocities = self._states(batch)
         interruption.check()
+        ended = {int(w): Truncation(float(self._diverged_time.values[w]), reason) for w, reason in self._reasons(batch)}
+        for motion in (positions, orientations, velocities, angular_velocities):
+            for w, truncation in ended.items():
+                motion[w, batch.times[w] >= truncation.time] = np.nan
         starts = np.array([o.start_time for o in self.world.objects])
         return BatchTrajectory(
             names=self.names,
@@ -137,10 +146,26 @@ class RigidSimulator(ABC):
             angular_velocities=angular_velocities,
             active=self.sample_times[0, : batch.count, None] >= starts[None, :],
             diverged=batch.diverged,
-            diverged_time=self._diverged_time.values[: batch.worlds].copy(),
+            diverged_time=np.where(batch.diverged, self._diverged_time.values[: batch.worlds], np.nan),
             diverged_object=self._diverged_object.values[: batch.worlds].astype(np.int64),
             events=self._events(batch),
+            truncated=ended,
+            contacts_until=tuple(self._log.complete_until(w) for w in range(batch.worlds)),
         )
+
+    def _reasons(self, batch: Batch) -> list[tuple[int, str]]:
+        """Return the truncated worlds and why they are."""
+        why = "more contacts at once than there is memory for: objects overlap, or a mesh is too fine for them"
+        return [(int(w), why) for w in np.flatnonzero(batch.truncated)]
+
+    def _end_of_contacts(self, batch: Batch, slack: float) -> Array:
+        """Return the times (W,) [s] to which contacts last that have not ended, `slack` before the end of the run.
+
+        The last touch before a divergence lies up to a step before it: such a contact has not ended.
+        """
+        stopped = self._diverged_time.values[: batch.worlds] - 2.0 * self.world.time.substep
+        ends: Array = np.where(batch.diverged | batch.truncated, stopped, np.nanmax(batch.times, axis=1) - slack)
+        return ends
 
     def _roll(self, overrides: Mapping[str, Array] | None, samples: int | Ints | None, schedule: Ints | None) -> Batch:
         """Roll variants out; their states stay in the buffers."""
@@ -151,40 +176,58 @@ class RigidSimulator(ABC):
         own = np.zeros(worlds, dtype=np.int64) if schedule is None else schedule
         self._own.values[:worlds] = own
         self._reach.values[:worlds] = self._table.segments(own, each)
-        outcome = (self._diverged_object, self._diverged_time, self._overflowed)
-        for kept, none in zip(outcome, (-1, np.nan, 0), strict=True):
-            kept.values[:] = none
-        for kept in (self._own, self._reach, *outcome):
-            kept.push()
+        self._own.push()
+        self._reach.push()
         self._log.clear()
-        self._write(arrays, worlds)
-        if self._start is not None:
-            self.restore(self._start)
-        if self.names:
-            self._launch(worlds)
-        for kept in outcome:
-            kept.pull()
-        self._check_room(self._overflowed.values)
+        again: Ints = np.arange(worlds)
+        while len(again):
+            self._expect(again)
+            self._write(arrays, worlds)
+            self._forget(again)
+            if self._start is not None:
+                self.restore(self._start)
+            if self.names:
+                self._launch(again)
+            for kept in self._outcomes:
+                kept.pull()
+            again = self._short_of_room(worlds)
+        truncated = self._overflowed.values[:worlds] > 0
         return Batch(
             arrays=arrays,
             schedule=own,
             count=count,
             times=self.sample_times[own, :count] * arrays.time_scale,
-            diverged=self._diverged_object.values[:worlds] >= 0,
+            diverged=(self._diverged_object.values[:worlds] >= 0) & ~truncated,
+            truncated=truncated,
         )
+
+    def _expect(self, worlds: Ints) -> None:
+        """Set the outcome of some worlds to that of a run that reaches its end."""
+        for kept, none in zip(self._outcomes, (-1, np.nan, 0), strict=True):
+            kept.values[worlds] = none
+            kept.push()
+
+    def _short_of_room(self, worlds: int) -> Ints:
+        """Make more room for what did not fit, and return the worlds (k,) to run again with it."""
+        full: Ints = np.flatnonzero(self._overflowed.values[:worlds] > 0)
+        if len(full) and not self._enlarge():
+            full = full[:0]
+        short = np.setdiff1d(self._log.short(), full)
+        self._log.grow(short)
+        again: Ints = np.union1d(full, short)
+        self._log.clear(again)
+        return again
 
     # --- one world, interval by interval ----------------------------------------------------------
 
     def begin(self) -> SavedState:
         """Put the only world where it starts, and return its state at time 0."""
-        for kept, none in ((self._diverged_object, -1), (self._overflowed, 0)):
-            kept.values[:] = none
-            kept.push()
+        self._expect(np.zeros(1, dtype=np.int64))
         self._log.clear()
         self._own_arrays = self.model.arrays()
         self._write(self._own_arrays, 1)
         buffers.write(self._schedule.begin, -1.0)
-        return self._interval(time_table(self.world, np.zeros(1)), 0.0)
+        return self._interval(time_table(self.world, np.zeros(1)), 0.0, 0.0)
 
     def advance(self, state: SavedState, end: float) -> SavedState:
         """Advance the world from `state`, the last that was returned or restored, to the time `end` [s].
@@ -192,9 +235,9 @@ class RigidSimulator(ABC):
         Raises RuntimeError where it diverges or runs out of room for contacts.
         """
         buffers.write(self._schedule.begin, state.time)
-        return self._interval(time_table(self.world, np.array([end]), state.time), end)
+        return self._interval(time_table(self.world, np.array([end]), state.time), state.time, end)
 
-    def _interval(self, table: TimeTable, end: float) -> SavedState:
+    def _interval(self, table: TimeTable, begin: float, end: float) -> SavedState:
         count = len(table.end)
         for name in ("end", "steps", "sample"):
             buffers.write(getattr(self._schedule, name), getattr(table, name), np.s_[0, :count])
@@ -202,9 +245,12 @@ class RigidSimulator(ABC):
         for kept, value in ((self._own, 0), (self._reach, count)):
             kept.values[0] = value
             kept.push()
+        if self._log.reserve_for(end - begin):
+            self._take_log()
         if self.names:
-            self._launch(1)
-        self._check_room(self._overflowed.pull())
+            self._launch(np.zeros(1, dtype=np.int64))
+        if self._overflowed.pull()[0] > 0:
+            raise RuntimeError(f"more contacts at once, before {end:.6g} s, than there is room for: objects overlap")
         diverged = int(self._diverged_object.pull()[0])
         if diverged >= 0:
             raise RuntimeError(
@@ -219,7 +265,7 @@ class RigidSimulator(ABC):
         return self._events(self._at(end))[0]
 
     def _at(self, end: float) -> Batch:
-        return Batch(self._own_arrays, np.zeros(1, dtype=np.int64), 1, np.full((1, 1), end), np.zeros(1, bool))
+        return Batch(self._own_arrays, np.zeros(1, dtype=np.int64), 1, np.full((1, 1), end), *np.zeros((2, 1), bool))
 
     @abstractmethod
     def control(
@@ -261,14 +307,16 @@ class RigidSimulator(ABC):
 
     # ---------------------------------------------------------------------------------------------
 
-    def _launch(self, worlds: int) -> None:
+    def _launch(self, worlds: Ints) -> None:
+        """Launch the run of some worlds, in ascending order: as many at a time as follow each other."""
         kernel = self._kernel()
-        pieces = shares(worlds, self.threads)
-        edges = np.linspace(0, worlds, pieces + 1).astype(int)
+        pieces = shares(len(worlds), self.threads)
+        edges = np.linspace(0, len(worlds), pieces + 1).astype(int)
 
         def piece(index: int) -> None:
-            first, last = int(edges[index]), int(edges[index + 1])
-            buffers.launch(kernel, last - first, self._inputs(first, index))
+            own = worlds[edges[index] : edges[index + 1]]
+            for run in np.split(own, np.flatnonzero(np.diff(own) > 1) + 1):
+                buffers.launch(kernel, len(run), self._inputs(int(run[0]), index))
 
         buffers.load_kernel(kernel)
         try:
@@ -296,12 +344,20 @@ class RigidSimulator(ABC):
         """Return the kernel's arguments for the share number `index` of the worlds, which begins with world `first`."""
 
     @abstractmethod
-    def _write(self, arrays: RigidArrays, worlds: int) -> None:
+    def _write(self, arrays: RigidArrays, worlds: int, /) -> None:
         """Fill the device arrays of the first `worlds` worlds in place."""
 
+    def _take_log(self) -> None:
+        """Let kernels see the arrays of the contact log, which may have been replaced by longer ones."""
+        return
+
     @abstractmethod
-    def _check_room(self, overflowed: NDArray[np.int32]) -> None:
-        """Raise RuntimeError where worlds, marked in `overflowed` (W,), ran out of room for contacts."""
+    def _forget(self, worlds: Ints) -> None:
+        """Mark the samples of some worlds as not taken."""
+
+    @abstractmethod
+    def _enlarge(self) -> bool:
+        """Make more room for contacts at one time; return False where memory does not allow it."""
 
     @abstractmethod
     def _states(self, batch: Batch) -> tuple[Array, Array, Array, Array]:

@@ -32,6 +32,13 @@ from polyworld.solver.spatial.stepper import RigidStepper
 from polyworld.trajectory import Event
 from polyworld.world import World
 
+MOST_ROOM = 16  # times the room at first, which is some 30 contacts a node: more is crushed, not in contact
+
+
+def room_at_first(surface: layout.Surface, pairs: SurfacePairs) -> int:
+    """Return how many contacts a world has room for before any search asked for more."""
+    return 64 + 2 * int(buffers.read(surface.exposed).sum()) + surface.edges.shape[0] + pairs.room()
+
 
 class Contacts:
     """All contacts of nodes in W worlds: searched once in a coupling step, solved in every inner step."""
@@ -70,13 +77,10 @@ class Contacts:
         self.bounds.near = buffers.zeros((w, d, parts), wp.int32)
         bodies = [o.name for o in (*world.objects, *world.statics)]
         self._pairs = SurfacePairs(world, meshes, first, nodes, self.surface, len(bodies))
-        room = 64 + 2 * int(buffers.read(self.surface.exposed).sum()) + self.surface.edges.shape[0] + self._pairs.room()
+        room = room_at_first(self.surface, self._pairs)
+        self._most = MOST_ROOM * room
         self.found = layout.Found()
-        # Left unwritten, so that room which is not needed takes no memory.
-        self.found.contacts = buffers.empty((w, room), layout.Contact)
-        self.found.acting = buffers.empty((w, room), wp.int32)
-        self.found.kept = buffers.empty((w, room), layout.Kept)
-        self.found.kept_node = buffers.empty((w, room), wp.int32)
+        self._allocate(room)
         self.found.kept_count = buffers.zeros((w,), wp.int32)
         self.found.latest = buffers.full((w, n), -1, wp.int32)
         self.found.count = buffers.zeros((w,), wp.int32)
@@ -86,6 +90,31 @@ class Contacts:
         names = [d.name for d in world.deformables]
         self.tally = _tally(w, d, len(bodies), record_events)
         self._log = DeformableContactLog(w, self.tally, names, [*bodies, *names])
+
+    def _allocate(self, room: int) -> None:
+        """Make room for so many contacts; left unwritten, so that what is not needed takes no memory."""
+        w, found = self.n_worlds, self.found
+        found.contacts = buffers.empty((w, room), layout.Contact)
+        found.acting = buffers.empty((w, room), wp.int32)
+        found.kept = buffers.empty((w, room), layout.Kept)
+        found.kept_node = buffers.empty((w, room), wp.int32)
+
+    def enlarge(self) -> bool:
+        """Double the room for what was full in the last search; return False where that would be too much.
+
+        What acted before the search is kept; the search is to be done again.
+        """
+        found, counts = self.found, buffers.read(self.found.kept_count)
+        contacts_full = bool((buffers.read(found.count) >= self.room).any())
+        if (contacts_full and self.room >= self._most) or not self._pairs.enlarge(MOST_ROOM):
+            return False
+        if contacts_full:
+            kept, node = buffers.read(found.kept), buffers.read(found.kept_node)
+            self._allocate(2 * self.room)
+            for w, count in enumerate(counts):
+                buffers.write(found.kept, kept[w, :count], np.s_[w, :count])
+                buffers.write(found.kept_node, node[w, :count], np.s_[w, :count])
+        return True
 
     def write(self, fields: Fields) -> bool:
         """Write the coefficients of contacts in place; return True where arrays were reallocated."""
@@ -126,11 +155,29 @@ class Contacts:
         """Contacts that a world has room for."""
         return int(self.found.contacts.shape[1])
 
+    def complete_until(self, w: int) -> float | None:
+        """Return the time [s] up to which the contacts of world w are recorded; None where all are."""
+        return self._log.complete_until(w)
+
+    def reserve(self) -> None:
+        """Make room in the log for all contacts that one coupling step may begin, as far as there may be."""
+        self._log.reserve()
+
     def launch_search(self, nodes: Nodes, clock: Clock) -> None:
         """Launch the search for all that may touch within the coupling step."""
-        w, d, parts = self.bounds.near.shape
+        w, d, _parts = self.bounds.near.shape
         buffers.launch(bound_objects, (w, d), [nodes, self.surface, self.bounds])
         buffers.launch(keep_acting, self.n_worlds, [clock, self.found])
+        self._launch_search(nodes, clock)
+
+    def search_again(self, nodes: Nodes, clock: Clock) -> None:
+        """Do a coupling step's search again, after `enlarge`."""
+        buffers.clear(self.found.count)
+        buffers.clear(self.found.overflowed)
+        self._launch_search(nodes, clock)
+
+    def _launch_search(self, nodes: Nodes, clock: Clock) -> None:
+        w, d, parts = self.bounds.near.shape
         self._pairs.launch(nodes, clock, self.bounds, self.found)
         if parts > 0:
             near = [self.obstacles, self.surface, self.bounds]

@@ -8,6 +8,7 @@ import warp as wp
 
 from polyworld.core import buffers
 from polyworld.solver.core.episodes import ContactLog, Episode, Log, record_touch
+from polyworld.solver.core.references import by_reference
 from polyworld.solver.coupled.contact_layout import Tally
 from polyworld.solver.spatial.layout import OPTIONS
 from polyworld.trajectory import Event
@@ -16,7 +17,7 @@ wp.set_module_options(OPTIONS)
 
 
 @wp.kernel
-def record_contacts(tally: Tally, log: Log) -> None:
+def record_contacts(tally: Tally, log: wp.array[Log]) -> None:
     """Record every pair that carried an impulse in the coupling step, and empty the tally."""
     w = wp.tid()
     for a in range(tally.impulse.shape[1]):
@@ -31,7 +32,7 @@ def record_contacts(tally: Tally, log: Log) -> None:
                 touch.impulse = tally.impulse[w, a, b]
                 touch.speed = tally.speed[w, a, b]
                 touch.position = tally.position[w, a, b]
-                record_touch(log, w, touch)
+                record_touch(log[0], w, touch)
                 tally.impulse[w, a, b] = wp.float64(0.0)
 
 
@@ -43,6 +44,8 @@ class DeformableContactLog:
         self._tally = tally
         self._w = n_worlds
         self._log = ContactLog(n_worlds, names, others, record=bool(tally.record))
+        self._pairs = len(names) * len(others)
+        self._reference = by_reference(self._log.record, Log)
 
     def reset(self) -> None:
         """Clear the log: no contact has started."""
@@ -52,8 +55,17 @@ class DeformableContactLog:
     def launch(self) -> None:
         """Launch the record of one coupling step."""
         if self._tally.record:
-            buffers.launch(record_contacts, self._w, [self._tally, self._log.record])
+            buffers.launch(record_contacts, self._w, [self._tally, self._reference])
+
+    def reserve(self) -> None:
+        """Make room for all contacts that one coupling step may begin, as far as there may be."""
+        if self._tally.record and self._log.reserve(self._pairs):
+            by_reference(self._log.record, Log, self._reference)
+
+    def complete_until(self, w: int) -> float | None:
+        """Return the time [s] up to which the contacts of world w are recorded; None where all are."""
+        return self._log.complete_until(w)
 
     def events(self, w: int, end: float, longest_step: float) -> tuple[Event, ...]:
         """Return the events of world w in order of time, see `ContactLog.events`; `end`: of the run."""
-        return self._log.events(w, end - 2.0 * longest_step, what="contacts of deformable objects")
+        return self._log.events(w, end - 2.0 * longest_step)

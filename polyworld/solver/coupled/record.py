@@ -59,6 +59,10 @@ class Record:
         """Return the time [s], moving object and element at which each world diverged; NaN, -1, -1 where it did not."""
         return self.shard.divergence()
 
+    def contacts_until(self) -> list[float | None]:
+        """Times [s] up to which the contacts of each world are recorded; None where all are."""
+        return [self.shard.contacts_until(w) for w in range(self.shard.n_worlds)]
+
     def events(self, times: Array) -> list[tuple[Event, ...]]:
         """Events of each world, in order of time."""
         return [self.shard.events(w, float(times[w % len(times), -1])) for w in range(self.shard.n_worlds)]

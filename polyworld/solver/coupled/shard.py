@@ -12,7 +12,7 @@ from polyworld.core import buffers, interruption
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.time_table import TimeTable
-from polyworld.solver.coupled import step
+from polyworld.solver.coupled import room, step
 from polyworld.solver.coupled.assembly import (
     allocate_nodes,
     clock_of,
@@ -27,7 +27,7 @@ from polyworld.solver.coupled.contact_bodies import CarriedBodies
 from polyworld.solver.coupled.kernels import load_kernels
 from polyworld.solver.coupled.mass_effects import MassEffects
 from polyworld.solver.coupled.nodes import Fields, parameter_row
-from polyworld.trajectory import Event
+from polyworld.trajectory import Event, Truncation
 from polyworld.world.materials import material_of
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LONGEST_INNER_STEP = 1e-3  # contacts are first order in it [s]
-BLOWN_UP = 100.0  # speed of a node above which a contact buffer overflow counts as divergence [m/s]
+TRUNCATED = 1 << 28  # in place of a node that diverged, where nothing did
 FLUID_DIVERGED = 1 << 29  # added to the index of a particle where it, not a node, diverged
 RIGID_DIVERGED = 1 << 30  # added to the index of a rigid object where it, not a node, diverged
 
@@ -67,6 +67,7 @@ class Shard:
         self._graphs: step.Graphs | None = None
         self.diverged_node = buffers.full((n_worlds,), -1, wp.int32)
         self.diverged_time = buffers.full((n_worlds,), np.nan, wp.float64)
+        self.truncated: dict[int, Truncation] = {}
         self._build_rigid()
         bodies = None if self.rigid is None else self.rigid.bodies
         interruption.check()
@@ -153,6 +154,7 @@ class Shard:
         buffers.write(self.clock.time, 0.0)
         buffers.write(self.diverged_node, -1)
         buffers.write(self.diverged_time, np.nan)
+        self.truncated = {}
         for stage in self.stages:
             stage.reset()
         if self.rigid is not None and self.carried is not None:
@@ -173,17 +175,18 @@ class Shard:
     def advance(self, segment: int) -> None:
         """Run the steps of one segment of the time table."""
         self.prepare()
-        graphs = self._graphs
-        assert graphs is not None
         end = self.table.end[segment] * np.broadcast_to(buffers.read(self.time_scale), (self.n_worlds,))
         steps = int(self.table.steps[segment])
         for left in range(steps, 0, -1):
             interruption.check()
             time, goes_on = buffers.read(self.clock.time), self.live()
             buffers.write(self.clock.h, np.where(goes_on, (end - time) / left, 0.0))
-            step.advance(self, graphs)
+            if self.rigid is not None:
+                self.rigid.reserve()
+            self.contacts.reserve()
+            step.advance(self)
+            room.check_bodies(self)
             self._note_diverged_bodies()
-            self._note_overflow()
             if self.fluid is not None:
                 self._note_diverged_fluid(self.fluid)
         buffers.write(self.clock.time, np.where(self.live(), end, buffers.read(self.clock.time)))
@@ -193,35 +196,24 @@ class Shard:
         found: NDArray[np.bool_] = buffers.read(self.diverged_node) < 0
         return found
 
-    def _end(self, w: int, node: int) -> None:
-        """Mark world w as diverged now, at a node or what else `diverged_node` may hold."""
-        buffers.write(self.diverged_node, node, w)
-        buffers.write(self.diverged_time, buffers.read(self.clock.time)[w], w)
+    def stop(self, w: int, node: int) -> None:
+        """End world w here: at a node that diverged, or what else `diverged_node` may hold."""
+        if self.live()[w]:
+            buffers.write(self.diverged_node, node, w)
+            buffers.write(self.diverged_time, buffers.read(self.clock.time)[w], w)
+            buffers.write(self.clock.h, 0.0, w)
 
-    def _note_overflow(self) -> None:
-        """Mark worlds of full contact buffers as diverged at their fastest node; raise where a mesh is too fine."""
-        overflowed = self.contacts.overflowed()
-        if not overflowed.any():
-            return
-        for w in np.flatnonzero(overflowed & self.live()):
-            speed = np.linalg.norm(np.nan_to_num(buffers.read(self.nodes.v)[w], nan=np.inf), axis=1)
-            if self.n_worlds == 1 and speed.max() < BLOWN_UP:
-                raise RuntimeError(
-                    f"more than {self.contacts.room} contacts of deformable objects at once, at "
-                    f"{buffers.read(self.clock.time)[w]:.6g} s: they overlap too much, or a mesh is too fine for them"
-                )
-            self._end(w, int(np.argmax(speed)))
+    def truncate(self, w: int, reason: str) -> None:
+        """End world w here, though nothing diverged; the other worlds go on."""
+        if self.live()[w]:
+            self.stop(w, TRUNCATED)
+            self.truncated[int(w)] = Truncation(float(buffers.read(self.clock.time)[w]), reason)
 
     def _note_diverged_fluid(self, fluid: FluidSolver) -> None:
-        """End a world whose particle diverges; raise where a nozzle has no room for its fluid."""
-        if fluid.full.any():
-            raise RuntimeError(
-                f"more fluid was emitted than the {fluid.particles()[0].shape[1]} particles that there is room for: "
-                "lower the emitters' rates, or make the cells of the fluid grid larger"
-            )
+        """End a world whose particle diverges."""
         particle = buffers.read(fluid.diverged)
         for w in np.flatnonzero((particle >= 0) & self.live()):
-            self._end(w, FLUID_DIVERGED + particle[w])
+            self.stop(w, FLUID_DIVERGED + particle[w])
 
     def _note_diverged_bodies(self) -> None:
         """Rigid objects whose state cannot be trusted end their world as nodes do."""
@@ -229,7 +221,7 @@ class Shard:
             return
         body = self.rigid.diverged()
         for w in np.flatnonzero((body >= 0) & self.live()):
-            self._end(w, RIGID_DIVERGED + body[w])
+            self.stop(w, RIGID_DIVERGED + body[w])
 
     # --- what it is at this moment -------------------------------------------------------------
 
@@ -286,7 +278,7 @@ class Shard:
         rigid_count = len(self.world.objects)
         objects = np.full(self.n_worlds, -1, dtype=np.int64)
         elements = np.full(self.n_worlds, -1, dtype=np.int64)
-        for w in np.flatnonzero(node >= 0):
+        for w in np.flatnonzero((node >= 0) & (node != TRUNCATED)):
             if node[w] >= RIGID_DIVERGED:
                 objects[w], elements[w] = node[w] - RIGID_DIVERGED, 0
                 continue
@@ -299,17 +291,30 @@ class Shard:
             name = self.world.deformables[owner].name
             objects[w] = rigid_count + owner
             elements[w] = node[w] - self.first[name]
-        return buffers.read(self.diverged_time).copy(), objects, elements
+        return np.where(node == TRUNCATED, np.nan, buffers.read(self.diverged_time)), objects, elements
 
     def events(self, w: int, end: float) -> tuple[Event, ...]:
-        """Contacts of world w up to the time `end`, in order of time."""
+        """Contacts of world w up to the time `end`, or to where it stopped, in order of time."""
         if not self.record_events:
             return ()
+        end = float(np.fmin(end, buffers.read(self.diverged_time)[w]))
         found = [] if self.rigid is None else list(self.rigid.events(w, end))
         found += [*self.contacts.events(w, end), *self.attachments.events(w)]
         return tuple(sorted(found, key=lambda e: (e.time, e.participants, e.kind)))
 
-    def prepare(self) -> None:
-        """Load the kernels and capture the graphs, before threads run them."""
+    def contacts_until(self, w: int) -> float | None:
+        """Return the time [s] up to which the contacts of world w are recorded; None where all are."""
+        if not self.record_events:
+            return 0.0
+        logs = [self.contacts.complete_until(w), None if self.rigid is None else self.rigid.log.complete_until(w)]
+        return min((t for t in logs if t is not None), default=None)
+
+    def prepare(self) -> step.Graphs:
+        """Load the kernels and capture the graphs, before threads run them, where that is to be done; return them."""
         if self._graphs is None:
             self._graphs = step.capture(self)
+        return self._graphs
+
+    def recapture(self) -> None:
+        """Have the graphs captured again: arrays that they hold were replaced."""
+        self._graphs = None

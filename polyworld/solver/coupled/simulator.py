@@ -19,6 +19,7 @@ from polyworld.solver.coupled.centres import centre_motion
 from polyworld.solver.coupled.fields import deformable_fields, split_overrides
 from polyworld.solver.coupled.nodes import Fields
 from polyworld.solver.coupled.record import Record
+from polyworld.solver.coupled.room import Restart
 from polyworld.solver.coupled.shard import Shard
 from polyworld.trajectory import BatchTrajectory, PointMotion
 
@@ -71,26 +72,37 @@ class CoupledSimulator:
         arrays = self._model.arrays(rigid)
         fields = deformable_fields(self.world, soft)
         segments = int(np.flatnonzero(self._table.sample == count - 1)[0]) + 1
-        records = []
-        for shard, span in zip(self._shards, self._spans, strict=True):
+
+        def begin(number: int) -> Record:
+            shard, span = self._shards[number], self._spans[number]
             shard.write(_rows(arrays, span), _field_rows(fields, span))
             shard.prepare()
-            records.append(Record(shard, count))
+            return Record(shard, count)
 
-        def run(record: Record) -> None:
+        records = [begin(number) for number in range(len(self._shards))]
+
+        def run_once(number: int) -> None:
+            record = records[number]
             for segment in range(segments):
-                if self.progress is not None and record is records[0]:
+                if self.progress is not None and number == 0:
                     self.progress(segment / segments)
                 record.shard.advance(segment)
                 if self._table.sample[segment] >= 0:
                     record.take(int(self._table.sample[segment]))
 
+        def run(number: int) -> None:
+            while True:
+                try:
+                    return run_once(number)
+                except Restart:
+                    records[number] = begin(number)
+
         if len(records) == 1:
-            run(records[0])
+            run(0)
         else:
             contexts = [copy_context() for _ in records]  # what may interrupt this thread may interrupt the others
             with ThreadPoolExecutor(len(records)) as pool:
-                list(pool.map(lambda context, record: context.run(run, record), contexts, records))
+                list(pool.map(lambda context, number: context.run(run, number), contexts, range(len(records))))
         return self._assemble(records, arrays, count)
 
     def _assemble(self, records: list[Record], arrays: RigidArrays, count: int) -> BatchTrajectory:
@@ -116,8 +128,16 @@ class CoupledSimulator:
             centre = centre_motion(points, velocities, mass, None if is_fluid else mesh.nodes)
             columns.append([c[:, :, None] for c in centre])
         motion = [np.concatenate([c[k] for c in columns], axis=2) for k in range(4)]
-        for w in np.flatnonzero(diverged):
-            gone = times[w] >= diverged_time[w] * (1 - 1e-12)
+        truncated = {
+            span.start + w: end
+            for span, record in zip(self._spans, records, strict=True)
+            for w, end in sorted(record.shard.truncated.items())
+        }
+        ends = diverged_time.copy()
+        for w, end in truncated.items():
+            ends[w] = end.time
+        for w in np.flatnonzero(np.isfinite(ends)):
+            gone = times[w] >= ends[w] * (1 - 1e-12)
             for values in motion:
                 values[w, gone] = np.nan
         starts = np.array([getattr(o, "start_time", 0.0) for o in (*self.world.objects, *self.world.deformables)])
@@ -136,6 +156,8 @@ class CoupledSimulator:
             diverged_element=diverged_element,
             events=tuple(events),
             deformables=deformables,
+            truncated=truncated,
+            contacts_until=tuple(t for r in records for t in r.contacts_until()),
         )
 
 

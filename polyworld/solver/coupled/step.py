@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from polyworld.core import buffers
-from polyworld.solver.coupled import motion
+from polyworld.solver.coupled import motion, room
 from polyworld.solver.coupled.stage import Paced
 
 if TYPE_CHECKING:
@@ -112,9 +112,11 @@ def capture(shard: Shard) -> Graphs:
     return Graphs(graph(start), graph(middle), graph(middle, BLOCK), graph(end))
 
 
-def advance(shard: Shard, graphs: Graphs) -> None:
+def advance(shard: Shard) -> None:
     """Take one coupling step of `clock.h`, in as many inner steps as the slowest world needs."""
-    buffers.replay(graphs.begin)
+    buffers.replay(shard.prepare().begin)
+    room.search_again(shard)
+    graphs = shard.prepare()
     left = int(buffers.read(shard.clock.inner_steps).max()) if shard.solids else 0
     while left > 0:
         size = BLOCK if left >= BLOCK else 1

@@ -58,6 +58,7 @@ class SurfacePairs:
         self._surface = surface
         self._bodies = bodies
         self._w = nodes.x.shape[0]
+        self._rooms: dict[str, int] = {}  # that lists had at first, of those that were enlarged
         may = touching_objects(world)
         edges, owner = buffers.read(surface.edges), buffers.read(nodes.owner)
         self.any = bool(may.any()) and len(edges) > 0
@@ -110,6 +111,24 @@ class SurfacePairs:
     def room(self) -> int:
         """Contacts to keep room for."""
         return 10 * self._pairs.node.shape[0] + 6 * self._pairs.edge.shape[0] if self.any else 0
+
+    def enlarge(self, most: int) -> bool:
+        """Double the room of the lists that are full, up to `most` times what it was; return False beyond that.
+
+        Worlds whose list was full are due again: nothing moved since it was made, so it will be the same, and whole.
+        """
+        if not self.any:
+            return True
+        pairs = self._pairs
+        for name, count in (("faces", "face_count"), ("crossings", "crossing_count"), ("sides", "side_count")):
+            listed, room = buffers.read(getattr(pairs, count)), getattr(pairs, name).shape[1]
+            if not (listed >= room).any():
+                continue
+            if room >= most * self._rooms.setdefault(name, room):
+                return False
+            buffers.write(pairs.margin, 0.0, listed >= room)
+            setattr(pairs, name, buffers.empty((self._w, 2 * room), wp.vec2i))
+        return True
 
     def reset(self) -> None:
         """Mark the lists as due."""

@@ -215,6 +215,9 @@ def cover_by_bodies(
                             wetted.arm[w, count] = wp.cross(q - x, axis)
                         count += 1
         first = last
+    if count > wetted.capacity:
+        wetted.full[w] = 1
+        count = wetted.capacity
     wetted.count[w] = count
 
 

@@ -147,10 +147,12 @@ class Wetted:
     lower, upper: rows of the cells on both sides. cover: covered fraction. arm: offset from the centre of mass
     crossed with the axis. force, torque (W, n): of the pressure, per metre in a plane; push, spin: what they do to
     the velocities. forecast, forecast_torque: mean force and torque over the last coupling step;
-    predicted_push, predicted_spin: changes predicted, and applied in advance.
+    predicted_push, predicted_spin: changes predicted, and applied in advance. full (W,): 1 where there were more faces
+    than `capacity`.
     """
 
     count: wp.array[wp.int32]
+    full: wp.array[wp.int32]
     body: wp.array2d[wp.int32]
     axis: wp.array2d[wp.int32]
     face: wp.array2d[wp.int32]

@@ -51,7 +51,7 @@ class FluidSolver:
             liquids=_liquids(self.fluids),
             fields=storage.field_arrays(g, w),
             system=storage.system_arrays(g, w),
-            wetted=storage.wetted_arrays(g, self.solids, w),
+            wetted=storage.wetted_arrays(self.solids, w, storage.faces_at_first(g, self.solids)),
             viscosity=storage.viscous_arrays(g, w),
             tension=storage.tension_arrays(g, w, False),
             pace=storage.pace_arrays(w),
@@ -127,11 +127,23 @@ class FluidSolver:
             wet.forecast_torque,
             wet.predicted_push,
             wet.predicted_spin,
+            wet.full,
             self.records.system.overflow,
         ]
         arrays += [s.due, s.allowed, s.emitted, s.drained, s.full]
         for array in arrays:
             buffers.clear(array)
+
+    def enlarge(self) -> bool:
+        """Double the room for faces that bodies cover where there was too little: return whether it was.
+
+        The arrays are others then, and the run is to begin again.
+        """
+        wetted = self.records.wetted
+        if not buffers.read(wetted.full).any():
+            return False
+        self.records.wetted = storage.wetted_arrays(self.solids, self.n_worlds, 2 * int(wetted.capacity))
+        return True
 
     def apply_prediction(self, clock: Clock) -> None:
         """Before the rigid step, apply the fluid's last impulse to bodies as a prediction, which `step` removes.
@@ -204,6 +216,11 @@ class FluidSolver:
     def diverged(self) -> Any:
         """Warp array (W,) int32: the first particle that was not a number or too fast, -1 for none; its world stops."""
         return self.records.pace.diverged
+
+    @property
+    def particles_at_most(self) -> int:
+        """Particles that a world has room for."""
+        return int(self.records.particles.x.shape[1])
 
     @property
     def full(self) -> NDArray[np.bool_]:

@@ -88,17 +88,22 @@ def system_arrays(grid: layout.Grid, worlds: int) -> layout.System:
     return s
 
 
-def wetted_arrays(grid: layout.Grid, solids: layout.Solids, worlds: int) -> layout.Wetted:
-    """Room for the faces that bodies cover: three layers of cells around a ball that holds each solid."""
-    w, n = worlds, max(solids.bodies, 1)
+def faces_at_first(grid: layout.Grid, solids: layout.Solids) -> int:
+    """Return how many faces bodies have room to cover: three layers of cells around a ball that holds each solid."""
     capacity = 1
     for solid in buffers.read(solids.solids)[: solids.moving]:
         r = min(float(solid["bound"]), 1e3) / grid.cell + 2.0
         layers = 4.0 * np.pi * r**2 * 4.0 if grid.thin < 0 else 2.0 * np.pi * r * 4.0
         capacity += int(min(layers, grid.cells) * 3)
+    return capacity
+
+
+def wetted_arrays(solids: layout.Solids, worlds: int, capacity: int) -> layout.Wetted:
+    """Room for `capacity` faces that bodies cover."""
+    w, n = worlds, max(solids.bodies, 1)
     wet = layout.Wetted()
     wet.capacity = capacity
-    wet.count = zeros((w,), wp.int32)
+    wet.count, wet.full = zeros((w,), wp.int32), zeros((w,), wp.int32)
     for name in ("lower", "upper", "body", "axis", "face"):
         setattr(wet, name, zeros((w, capacity), wp.int32))
     wet.cover, wet.arm = zeros((w, capacity), wp.float64), zeros((w, capacity), wp.vec3d)

@@ -125,7 +125,9 @@ def find_rows(scene: Scene, bodies: Bodies, contacts: Contacts, samples: Samples
                         contacts.rows[w, half, count] = row
                         count += 1
                     else:
-                        samples.outcome.overflowed[w] = samples.outcome.overflowed[w] + 1
+                        if samples.outcome.overflowed[w] == 0:
+                            samples.outcome.diverged_time[w] = step.time
+                        samples.outcome.overflowed[w] = 1
                 # Both lists are in the order of the pairs, and a pair's points in the order of the tangent.
                 searching = wp.int32(1)
                 while searching == 1 and old < old_count:

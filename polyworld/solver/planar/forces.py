@@ -82,7 +82,8 @@ def find_pushes(
             if not (speed < ABSURD and wp.abs(v[2]) < ABSURD * wp.float64(100.0)):
                 step.diverged = 1
                 samples.outcome.diverged_object[w] = i
-                samples.outcome.diverged_time[w] = step.time
+                if samples.outcome.overflowed[w] == 0:
+                    samples.outcome.diverged_time[w] = step.time
             fastest = wp.max(fastest, speed + wp.length(push) * step.h)
     step.fastest = fastest
     return step

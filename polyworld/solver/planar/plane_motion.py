@@ -16,7 +16,7 @@ class PlaneMotion:
 
     axes (3, 3): rows x, y and normal of the plane in the world. times (W, T) [s]. pose (W, T, n, 3): x, y [m] and angle
     [rad] counted from the orientation that the world describes, `described` (1, n, 4). rate (W, T, n, 3): their rates.
-    height (W, n) [m] along the normal. diverged (W,).
+    height (W, n) [m] along the normal. diverged (W,): or truncated.
     """
 
     names: tuple[str, ...]

@@ -27,7 +27,7 @@ from polyworld.world import geometry
 
 Array = NDArray[np.float64]
 
-EPISODES = 4096  # contact episodes kept for a world; more is an error, not a silence
+MOST_BYTES = 1_000_000_000  # of contact rows
 BODY_FIELDS = {
     "pose": wp.vec3d,
     "rate": wp.vec3d,
@@ -73,6 +73,7 @@ class PlanarSimulator(RigidSimulator):
         n_worlds: int = 1,
         record_events: bool = False,
         threads: int | None = None,
+        episodes: int | None = None,
         start: SavedState | None = None,
     ) -> None:
         super().__init__(
@@ -81,7 +82,7 @@ class PlanarSimulator(RigidSimulator):
             n_worlds=n_worlds,
             record_events=record_events,
             threads=threads,
-            episodes=EPISODES,
+            episodes=episodes,
             start=start,
         )
         self._scene, self._static_poses = build_scene(model)
@@ -117,7 +118,7 @@ class PlanarSimulator(RigidSimulator):
             rate=out.rate[:c, : batch.count],
             height=self._of_bodies.height[:c],
             described=self._described,
-            diverged=batch.diverged,
+            diverged=batch.diverged | batch.truncated,
         )
 
     def _allocate(self) -> None:
@@ -206,10 +207,13 @@ class PlanarSimulator(RigidSimulator):
         b.touching[:c] = 0
         b.control[:c] = 0.0
         self._write_joints(arrays, c)
-        self._of_samples.pose[:c] = np.nan
-        self._of_samples.rate[:c] = np.nan
-        for kept in (b, self._of_joints, self._of_samples):
+        for kept in (b, self._of_joints):
             kept.push()
+
+    def _forget(self, worlds: NDArray[np.int64]) -> None:
+        self._of_samples.pose[worlds] = np.nan
+        self._of_samples.rate[worlds] = np.nan
+        self._of_samples.push()
 
     def _write_joints(self, arrays: RigidArrays, c: int) -> None:
         """Set each hinge's pivot in its bodies' own axes, at the poses the run starts from."""
@@ -246,11 +250,15 @@ class PlanarSimulator(RigidSimulator):
         records = [self._scene, self._bodies, self._contacts, self._joints, self._log.record, self._samples]
         return [*records, self._references, first]
 
-    def _check_room(self, overflowed: NDArray[np.int32]) -> None:
-        if overflowed.any():
-            raise RuntimeError(
-                f"{int(overflowed.max())} contact points overflow the buffer: the objects overlap at the start"
-            )
+    def _enlarge(self) -> bool:
+        """Make room for two points of every pair that may meet, more than which there cannot be."""
+        worlds, halves, rows = self._contacts.rows.shape
+        most = 2 * self._contacts.near.shape[1]
+        if rows >= most or worlds * halves * most * wp.types.type_size_in_bytes(Row) > MOST_BYTES:
+            return False
+        self._contacts.rows = buffers.empty((worlds, halves, most), Row)
+        self._references.contacts = by_reference(self._contacts, Contacts)
+        return True
 
     def _states(self, batch: Batch) -> tuple[Array, Array, Array, Array]:
         c, axes = batch.worlds, self._axes
@@ -269,9 +277,7 @@ class PlanarSimulator(RigidSimulator):
         )
 
     def _events(self, batch: Batch) -> tuple[tuple[Event, ...], ...]:
-        # The last touch noted before a divergence lies up to a step before it: such a contact has not ended.
-        diverged = self._diverged_time.values[: batch.worlds] - 2.0 * self.world.time.substep
-        ends = np.where(batch.diverged, diverged, np.nanmax(batch.times, axis=1))
+        ends = self._end_of_contacts(batch, 0.0)
         height = self._of_bodies.height
         found = []
         for w in range(batch.worlds):

@@ -21,7 +21,8 @@ from polyworld.solver.spatial.statics import static_poses
 from polyworld.solver.spatial.system import System
 from polyworld.world import World, geometry
 
-MESH_TRIANGLES = 24  # triangles of a mesh that one body is taken to touch at once, at most
+MESH_TRIANGLES = 24  # triangles of a mesh that one body has room to touch at once, at first
+MOST_BYTES = 1_000_000_000  # of contacts and their rows
 
 PARAMETER_TYPES = {
     "mass": wp.float64,
@@ -63,14 +64,10 @@ def allocate_state(world: World, rows: int) -> layout.State:
     meshes = sum(static.shape.kind == "triangle_mesh" for static in world.statics)
     pieces = sum(len(geometry.pieces(o.shape)) for o in world.objects)
     with_statics = pieces * (s - meshes + meshes * MESH_TRIANGLES)
-    # Round bodies of similar size touch six others on average; twice that leaves room for overlaps.
-    manifolds = max(1, min(pieces * (pieces - 1) // 2, 12 * pieces) + with_statics)
-    contacts = layout.MAX_MANIFOLD_POINTS * (manifolds + 1)
     state = layout.State()
     state.bodies = zeros((rows, n + s + 1), layout.Body)
-    state.manifolds = zeros((rows, 2 * manifolds), layout.Manifold)
-    state.contacts = zeros((rows, 2 * contacts), layout.Contact)
-    state.rows = zeros((rows, ROWS * contacts + joint_rows(world)), layout.Row)
+    # Round bodies of similar size touch six others on average; twice that leaves room for overlaps.
+    _allocate_contacts(state, max(1, min(pieces * (pieces - 1) // 2, 12 * pieces) + with_statics), rows, world)
     state.scratch = zeros((rows, 2 * layout.MAX_MANIFOLD_POINTS + 3 * layout.MAX_CLIPPED_POINTS), wp.vec3d)
     state.manifold_count = zeros((rows, 2), wp.int32)
     state.contact_count = zeros((rows, 2), wp.int32)
@@ -80,8 +77,30 @@ def allocate_state(world: World, rows: int) -> layout.State:
     state.reaction = zeros((rows, n), wp.vec3d)
     state.reaction_turning = zeros((rows, n), wp.vec3d)
     state.objects, state.statics = n, s
-    state.max_manifolds, state.max_contacts = manifolds, contacts
     return state
+
+
+def _allocate_contacts(state: layout.State, manifolds: int, rows: int, world: World) -> None:
+    contacts = layout.MAX_MANIFOLD_POINTS * (manifolds + 1)
+    state.manifolds = zeros((rows, 2 * manifolds), layout.Manifold)
+    state.contacts = zeros((rows, 2 * contacts), layout.Contact)
+    state.rows = zeros((rows, ROWS * contacts + joint_rows(world)), layout.Row)
+    state.max_manifolds, state.max_contacts = manifolds, contacts
+
+
+def enlarge(system: System, state: layout.State, joints: Joints, world: World) -> bool:
+    """Give worlds room for four times the manifolds, in place; return False where that takes too much memory.
+
+    All contacts are forgotten: runs begin again.
+    """
+    kept = (state.manifolds, state.contacts, state.rows)
+    if 4 * sum(a.size * wp.types.type_size_in_bytes(a.dtype) for a in kept) > MOST_BYTES:
+        return False
+    _allocate_contacts(state, 4 * state.max_manifolds, state.manifolds.shape[0], world)
+    joints.base = state.rows.shape[1] - joint_rows(world)
+    system.state = by_reference(state, layout.State, system.state)
+    system.joints = by_reference(joints, Joints, system.joints)
+    return True
 
 
 def system_of(geometry: layout.Geometry, state: layout.State, log: Log) -> System:
@@ -142,13 +161,3 @@ class ParameterBuffers:
             setattr(self._record, name, made)
         self._content[name] = buffers.Mirror(made)
         return self._content[name]
-
-
-def check_room(state: layout.State, overflowed: Any) -> None:
-    """Raise RuntimeError where worlds, marked in `overflowed` (W,), ran out of room for contacts."""
-    if overflowed.any():
-        raise RuntimeError(
-            f"{np.count_nonzero(overflowed)} of {len(overflowed)} worlds had more than "
-            f"{state.max_manifolds} pairs in contact at once: the objects overlap too much, "
-            "or a mesh is too fine for the objects on it"
-        )

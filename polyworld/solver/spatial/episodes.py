@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from polyworld.solver.core.episodes import Episode, Log, record_touch
+from polyworld.solver.core.episodes import Episode, Log, record_nearness, record_touch
 from polyworld.solver.spatial.constraints import ROWS
 from polyworld.solver.spatial.layout import State
 
@@ -33,6 +33,8 @@ def record_contacts(
         state[0].manifolds[k, i].impact = wp.float64(0.0)
         state[0].manifolds[k, i].approach = wp.float64(0.0)
         if impulse <= wp.float64(0.0):
+            if touching > wp.float64(0.0):
+                record_nearness(log[0], w, m.a, m.b, last)
             continue
         touch = Episode()
         touch.a = m.a

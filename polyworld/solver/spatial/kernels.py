@@ -97,6 +97,7 @@ def _roll_out(advance: Any, together: int) -> Any:
                     return
                 if state[0].overflowed[k] == 1:
                     samples[0].outcome.overflowed[w] = 1
+                    samples[0].outcome.diverged_time[w] = time
                     return
             time = end
             sample = schedule[0].sample[own, segment]

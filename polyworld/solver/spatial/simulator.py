@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from polyworld.core import buffers
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
+from polyworld.solver.core.episodes import Log
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.core.saved_state import SavedState
 from polyworld.solver.core.simulator import Batch, RigidSimulator
@@ -22,7 +23,7 @@ from polyworld.solver.spatial.buffers import (
     ParameterBuffers,
     allocate_joints,
     allocate_state,
-    check_room,
+    enlarge,
     system_of,
     zeros,
 )
@@ -47,10 +48,17 @@ class SpatialSimulator(RigidSimulator):
         n_worlds: int = 1,
         record_events: bool = False,
         threads: int | None = None,
+        episodes: int | None = None,
         start: SavedState | None = None,
     ) -> None:
         super().__init__(
-            model, sample_times, n_worlds=n_worlds, record_events=record_events, threads=threads, start=start
+            model,
+            sample_times,
+            n_worlds=n_worlds,
+            record_events=record_events,
+            threads=threads,
+            episodes=episodes,
+            start=start,
         )
         self._geometry, self._trees = build_geometry(model)
         self._parameters = ParameterBuffers(self.world, n_worlds)
@@ -78,13 +86,19 @@ class SpatialSimulator(RigidSimulator):
         fields = ("position", "orientation", "velocity", "angular_velocity")
         self._motion = {name: buffers.Mirror(getattr(samples, name)) for name in fields}
 
-    def _write(self, arrays: RigidArrays, worlds: int) -> None:
+    def _write(self, arrays: RigidArrays, _worlds: int) -> None:
+        self._take_log()
         self._parameters.write(arrays)
         write_joints(self._joints, arrays, self.world)
         self._system.parameters = self._parameters.reference
         self._system.joints = by_reference(self._joints, Joints, self._system.joints)
+
+    def _take_log(self) -> None:
+        by_reference(self._log.record, Log, self._system.log)
+
+    def _forget(self, worlds: NDArray[np.int64]) -> None:
         for content in self._motion.values():
-            content.values[:worlds] = np.nan
+            content.values[worlds] = np.nan
             content.push()
 
     def control(
@@ -118,8 +132,8 @@ class SpatialSimulator(RigidSimulator):
     def _inputs(self, first: int, index: int, /) -> list[Any]:
         return [self._system, *self._references, first, index, self._apart]
 
-    def _check_room(self, overflowed: NDArray[np.int32]) -> None:
-        check_room(self._state, overflowed)
+    def _enlarge(self) -> bool:
+        return enlarge(self._system, self._state, self._joints, self.world)
 
     def _states(self, batch: Batch) -> tuple[Array, Array, Array, Array]:
         c, count = batch.worlds, batch.count
@@ -132,5 +146,5 @@ class SpatialSimulator(RigidSimulator):
         )
 
     def _events(self, batch: Batch) -> tuple[tuple[Event, ...], ...]:
-        ends = np.nanmax(batch.times, axis=1) - 2.0 * self.world.time.substep
+        ends = self._end_of_contacts(batch, 2.0 * self.world.time.substep)
         return tuple(self._log.events(w, float(ends[w])) for w in range(batch.worlds))

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from polyworld.core import buffers
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
-from polyworld.solver.core.episodes import ContactLog
+from polyworld.solver.core.episodes import ContactLog, Log
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.spatial.buffers import (
     SHARED,
     ParameterBuffers,
     allocate_joints,
     allocate_state,
-    check_room,
+    enlarge,
     system_of,
     zeros,
 )
@@ -86,13 +86,23 @@ class RigidStepper:
         buffers.launch(self._kernel, self.n_worlds, [self._system, self._start, time, h, self._half, self._diverged])
 
     def diverged(self) -> NDArray[np.int32]:
-        """Index (W,) of the first object whose state cannot be trusted, -1 where there is none.
-
-        Raises RuntimeError where a world ran out of room for contacts.
-        """
-        check_room(self.state, buffers.read(self.state.overflowed))
+        """Index (W,) of the first object whose state cannot be trusted, -1 where there is none."""
         diverged: NDArray[np.int32] = buffers.read(self._diverged)
         return diverged
+
+    def overflowed(self) -> NDArray[np.bool_]:
+        """Worlds (W,) that ran out of room for contacts, and stay as they are."""
+        found: NDArray[np.bool_] = buffers.read(self.state.overflowed) > 0
+        return found
+
+    def enlarge(self) -> bool:
+        """Make more room for contacts, in place; runs begin again. Return False where memory does not allow it."""
+        return enlarge(self._system, self.state, self.joints, self.world)
+
+    def reserve(self) -> None:
+        """Make room in the log for all contacts that one step may begin, as far as there may be."""
+        if self.record_events and self.log.reserve(len(self.names) * len(self._all_names)):
+            by_reference(self.log.record, Log, self._system.log)
 
     def events(self, w: int, end: float) -> tuple[Event, ...]:
         """Contacts of world w up to the time `end` [s], in order of time; none where they are not recorded."""

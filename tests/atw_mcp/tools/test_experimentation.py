@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,11 @@ from atw_mcp.calls.jobs import LongWork, Progress
 from atw_mcp.calls.results import Answer
 from atw_mcp.tools import experimentation as tools
 from atw_mcp.tools import querying
-from atw_mcp.worlds.rollouts import KIND, SERIES
+from atw_mcp.worlds.rollouts import KIND, SERIES, content_of, stored_rollout
 from evidence_store import Binding
 from polyworld.edits.interventions import SetVelocity, branch
 from polyworld.solver.rollout import rollout
+from polyworld.trajectory import Truncation
 from polyworld.world import StaticObject, World
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Plane, Sphere
@@ -228,6 +230,28 @@ def test_nothing_is_known_after_a_divergence(app: App) -> None:
     assert timeline.interval == pytest.approx((0.0, 10 * FRAME))
     with pytest.raises(ToolError, match="reaches outside"):
         tools.read_trajectory(app, identifier, "striker", interval=[0.0, 1.0])
+
+
+def test_a_truncated_rollout_says_why_and_nothing_is_known_after_it(app: App) -> None:
+    world = two_discs()
+    whole = rollout(world, END)
+    kept = {name: getattr(whole.trajectory, name)[:31] for name in SERIES}
+    ended = replace(
+        whole,
+        trajectory=replace(whole.trajectory, **kept),
+        status="truncated",
+        truncated=Truncation(30.5 * FRAME, "no room"),
+        contacts_until=10.5 * FRAME,
+    )
+    identifier = app.store.rollouts.put(KIND, {"world": world.id, "horizon": END, "engine": "t"}, *content_of(ended)).id
+    assert stored_rollout(app, identifier)[2].truncated == ended.truncated
+    timeline = tools.read_timeline(app, identifier)
+    assert timeline.status == "diverged"  # of evidence: what it shows ends before its horizon
+    assert "truncated at 0.61 s: no room: nothing after that is known" in timeline.summary
+    assert "recorded up to 0.21 s only" in timeline.summary
+    collides = {"predicate": "collides", "a": "striker", "b": "target"}
+    assert ask(app, identifier, collides, interval=[0.0, 0.1])["verdict"] == "false"
+    assert ask(app, identifier, collides, interval=[0.0, 0.5])["verdict"] == "unknown"
 
 
 @pytest.mark.parametrize(

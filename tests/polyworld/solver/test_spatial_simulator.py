@@ -9,7 +9,7 @@ from polyworld.model import model_of
 from polyworld.solver.rollout import rollout, simulator
 from polyworld.solver.spatial.simulator import SpatialSimulator
 from polyworld.world import Effect, StaticObject, World
-from polyworld.world.shapes import Box, Cylinder, Sphere, TriangleMesh, Wall
+from polyworld.world.shapes import Box, Cylinder, Sphere, Wall
 from tests.scenes.six_bodies import six_body_world
 from tests.verification.spatial_world import FLOOR, GRAVITY, body, make_world, run
 
@@ -165,17 +165,6 @@ def test_a_spin_that_no_number_can_follow_is_lost(spin: float) -> None:
     out = run(empty.model_copy(update={"objects": (wild,)}), 0.1)
     assert out.diverged[0]
     assert np.isnan(out.orientations[0, -1]).all()
-
-
-def test_too_many_contacts_are_an_error_that_says_so() -> None:
-    rng = np.random.default_rng(0)
-    points = rng.uniform(-0.05, 0.05, (400, 3))
-    crumbs = TriangleMesh(
-        vertices=tuple(map(tuple, points.tolist())), faces=tuple((k, k + 1, k + 2) for k in range(0, 396, 1))
-    )
-    world = make_world(body("b", Sphere(radius=0.5), (0, 0, 0.4)), statics=(StaticObject(name="crumbs", shape=crumbs),))
-    with pytest.raises(RuntimeError, match="in contact at once"):
-        run(world, 0.1)
 
 
 def test_wrong_numbers_of_samples_or_values_are_refused() -> None:

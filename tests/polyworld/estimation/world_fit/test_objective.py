@@ -17,6 +17,7 @@ from polyworld.estimation.world_fit import (
     refine,
 )
 from polyworld.estimation.world_fit.objective import DIVERGED, gyration_radius, huber
+from polyworld.trajectory import Truncation
 from polyworld.world import TimeBase, World, geometry
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Box, Cylinder, Sphere
@@ -149,6 +150,19 @@ def test_a_diverged_world_is_worse_than_any_other_and_an_early_one_worse_than_a_
     early, late, far = objective.losses(batch)
     assert np.isfinite(early)
     assert early > late > DIVERGED > far
+
+
+def test_a_truncated_world_is_a_bad_candidate_like_a_diverged_one() -> None:
+    world = thrown_ball()
+    objective = Objective(world, stated(observe(world, **EXACT), 1e-4))
+    batch = ClosedForm(world, objective.sample_times, n_worlds=2).run()
+    positions = batch.positions.copy()
+    positions[1, 5:] = np.nan
+    ended = replace(batch, positions=positions, truncated={1: Truncation(0.2, "no room")})
+    diverged = replace(ended, truncated={}, diverged=np.array([False, True]), diverged_time=np.array([np.nan, 0.2]))
+    assert objective.losses(ended).tolist() == objective.losses(diverged).tolist()
+    assert objective.losses(ended)[1] > DIVERGED
+    assert np.isnan(objective.residuals(ended)[1]).all()
 
 
 def test_rmse_is_the_root_of_the_mean_squared_distance() -> None:
