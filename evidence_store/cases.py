@@ -158,6 +158,14 @@ class Cases:
         """(world id, origin) of the case, oldest first."""
         return [(row["world_id"], row["origin"]) for row in self._relation("case_worlds", identifier)]
 
+    def has_world(self, identifier: str, world_id: str) -> bool:
+        """Whether a world is one of the case's; raises RecordDamaged where the record of that is not intact."""
+        with self._connection.read() as database:
+            rows = database.query(
+                "SELECT * FROM case_worlds WHERE case_id = ? AND world_id = ?", [identifier, world_id]
+            )
+            return bool(self._connection.verified("case_worlds", rows))
+
     def bind(self, identifier: str, binding: Binding) -> None:
         """Record a binding; it replaces an earlier one of the same name."""
         with self._connection.write() as database:

@@ -13,6 +13,7 @@ from evidence_store.canonical import pack_arrays, to_json, unpack_arrays
 from evidence_store.checksums import COLUMNS, intact, label
 from evidence_store.connection import Connection, next_number
 from evidence_store.errors import UnknownRecord
+from evidence_store.search_conditions import Conditions
 
 Status = Literal["running", "completed", "failed", "cancelled", "diverged"]
 
@@ -47,7 +48,7 @@ class EvidencePage:
     """Records found by a search, latest first, without payload and pictures.
 
     `cursor` continues the search where this page ended; None where nothing more matches. `damaged` names the records
-    looked at for this page that are not intact and therefore not returned, whatever they said.
+    that match as they are stored but are not intact, and are therefore not returned.
     """
 
     records: tuple[Evidence, ...]
@@ -108,10 +109,29 @@ class EvidenceTable:
         with self._connection.read() as database:
             return list(
                 database.query(
-                    f"SELECT {HEAD} FROM evidence WHERE case_id = ? AND (? IS NULL OR tool = ?) ORDER BY seq",
-                    [case, tool, tool],
+                    f"SELECT {HEAD} FROM evidence WHERE case_id = ?{' AND tool = ?' * (tool is not None)} ORDER BY seq",
+                    [case] if tool is None else [case, tool],
                 )
             )
+
+    def last_about(self, case: str, rollout: str) -> str | None:
+        """Id of the latest intact record of a case that is about a rollout; None where there is none."""
+        with self._connection.read() as database:
+            rows = database.query(
+                f"SELECT {HEAD} FROM evidence WHERE rollout_id = ? AND case_id = ? ORDER BY seq DESC", [rollout, case]
+            )
+            with closing(rows):
+                return next((f"ev-{row['seq']}" for row in rows if intact("evidence", row)), None)
+
+    def rollouts(self, limit: int) -> list[str]:
+        """Ids of rollouts that there are records about, those used last first."""
+        with self._connection.read() as database:
+            found = database.conn.execute(
+                "SELECT rollout_id FROM evidence WHERE rollout_id IS NOT NULL GROUP BY rollout_id "
+                "ORDER BY max(seq) DESC LIMIT ?",
+                [limit],
+            )
+            return [str(rollout) for (rollout,) in found.fetchall()]
 
     def search(
         self,
@@ -142,16 +162,26 @@ class EvidenceTable:
         words = None if text is None else text.casefold().split()
         if words == []:
             raise ValueError("text must contain at least one word")
-        before = None if cursor is None else sequence_number(cursor)
+        conditions = Conditions.of(case)
+        if cursor is not None:
+            conditions.add("seq < ?", sequence_number(cursor))
+        if tool is not None:
+            conditions.add("tool = ?", tool)
+        if status is not None:
+            conditions.add("status = ?", status)
+        if object is not None:
+            conditions.mention(object)
+        if interval is not None:
+            conditions.overlap(interval)
+        if words:
+            conditions.contain(words)
         columns = f"{HEAD}, payload" if words else HEAD  # payloads are long: read only where they matter
         found: list[Evidence] = []
         damaged: list[str] = []
         following = None
         with self._connection.read() as database:
             rows = database.query(
-                f"SELECT {columns} FROM evidence WHERE case_id = ? AND (? IS NULL OR tool = ?) "
-                "AND (? IS NULL OR status = ?) AND (? IS NULL OR seq < ?) ORDER BY seq DESC",
-                [case, tool, tool, status, status, before, before],
+                f"SELECT {columns} FROM evidence WHERE {conditions.text} ORDER BY seq DESC", conditions.values
             )
             with closing(rows):
                 for row in rows:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from evidence_store.checksums import COLUMNS, PARTS, stamped
-from evidence_store.schema import TASKS
+from evidence_store.schema import EVIDENCE_INDICES, TASKS
 
 JSON_COLUMNS = ("facts", "inputs", "document", "detail", "arguments", "objects", "interval", "payload", "evidence")
 PACKED_COLUMNS = ("arrays", "attachments")
@@ -43,6 +43,14 @@ def _add_checksums(connection: sqlite3.Connection) -> None:
             )
 
 
+def _index_evidence(connection: sqlite3.Connection) -> None:
+    """Version 2 to 3."""
+    connection.execute("DROP INDEX IF EXISTS evidence_by_case")
+    for statement in EVIDENCE_INDICES.split(";\n"):
+        if statement.strip():
+            connection.execute(statement)
+
+
 def readable(row: Mapping[str, Any]) -> bool:
     """Whether the JSON of a row can be parsed and its packed arrays fit the CRC-32 that npz files carry."""
     try:
@@ -62,5 +70,5 @@ def readable(row: Mapping[str, Any]) -> bool:
     return True
 
 
-MIGRATIONS: Mapping[int, Callable[[sqlite3.Connection], None]] = {1: _add_checksums}
+MIGRATIONS: Mapping[int, Callable[[sqlite3.Connection], None]] = {1: _add_checksums, 2: _index_evidence}
 """The step from each version to the next."""

@@ -9,7 +9,14 @@ A change of the tables needs a higher VERSION and a step in `evidence_store.migr
 """
 
 APPLICATION_ID = 0x41545731  # "ATW1"
-VERSION = 2
+VERSION = 3
+
+EVIDENCE_INDICES = """
+CREATE INDEX evidence_by_case ON evidence (case_id, seq, status, objects, interval);
+CREATE INDEX evidence_by_tool ON evidence (case_id, tool, seq);
+CREATE INDEX evidence_by_rollout ON evidence (rollout_id, case_id, seq);
+"""
+"""What searches filter by, so that they read no rows of the table but those that they return."""
 
 TASKS = """
 CREATE TABLE tasks (
@@ -112,7 +119,6 @@ CREATE TABLE evidence (
     attachments_checksum TEXT NOT NULL DEFAULT '',
     checksum TEXT NOT NULL DEFAULT ''
 );
-CREATE INDEX evidence_by_case ON evidence (case_id, seq);
 CREATE TABLE bindings (
     seq INTEGER PRIMARY KEY,
     case_id TEXT NOT NULL REFERENCES cases(id),
@@ -145,4 +151,5 @@ CREATE TABLE jobs (
 );
 """
     + TASKS
+    + EVIDENCE_INDICES
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,18 @@ def test_a_store_of_version_1_opens_with_all_it_holds(old: Path, tmp_path: Path)
         assert database.conn.execute("PRAGMA user_version").fetchone() == (VERSION,)
         for table in COLUMNS:
             assert all(intact(table, row) for row in database.query(f"SELECT * FROM {table}"))
+
+
+def test_a_store_of_version_1_gets_the_indices_of_a_new_one(old: Path, tmp_path: Path) -> None:
+    def indices(path: Path) -> dict[str, str]:
+        with closing(sqlite3.connect(path)) as database:
+            return dict(
+                database.execute("SELECT name, sql FROM sqlite_master WHERE type = 'index' AND sql IS NOT NULL")
+            )
+
+    for path in (old, tmp_path / "new.db"):
+        EvidenceStore(path).close()
+    assert indices(old) == indices(tmp_path / "new.db")
 
 
 def test_what_cannot_be_read_counts_as_damaged_afterwards(old: Path) -> None:

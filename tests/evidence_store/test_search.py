@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from evidence_store import Evidence, EvidenceStore, UnknownRecord
+from evidence_store.checksums import intact
 
 
 @pytest.fixture
@@ -80,3 +83,57 @@ def test_a_search_that_makes_no_sense_is_refused(store: EvidenceStore) -> None:
     with pytest.raises(UnknownRecord, match="page-2"):
         store.evidence.search("ball", cursor="page-2")
     assert store.evidence.search("nothing").records == ()
+
+
+def test_a_search_reads_only_records_that_match(store: EvidenceStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    for number in range(50):
+        store.evidence.add(Evidence("QueryWorld", {"n": number}, case="ball", objects=("grey",), interval=(9.0, 9.5)))
+    read: list[int] = []
+
+    def counted(table: str, row: Mapping[str, Any]) -> bool:
+        read.append(row["seq"])
+        return intact(table, row)
+
+    monkeypatch.setattr("evidence_store.evidence.intact", counted)
+    for conditions in ({"object": "red"}, {"interval": (0.0, 3.0)}, {"text": "falls red"}, {"status": "diverged"}):
+        read.clear()
+        found = store.evidence.search("ball", **conditions)  # type: ignore[arg-type]
+        matching = [record.id for record in found.records]
+        assert matching
+        assert set(read) <= {int(name.removeprefix("ev-")) for name in (*matching, "ev-5")}, "ev-5 has an umlaut"
+
+
+@pytest.mark.parametrize(
+    "word", ["ß", "ss", "ſtraße", "strasse", "k", "\u212a", "ﬁ", "fi", "É", "é", 'a"b', "c\\d", "%", "_"]
+)
+def test_words_are_found_whatever_their_case(store: EvidenceStore, word: str) -> None:
+    texts = (
+        "Straße",
+        "STRASSE",
+        "\u212aelvin",
+        "kelvin",
+        "ﬁn",
+        "FIN",
+        "ÉTÉ",
+        "été",
+        'A"B',
+        "C\\D",
+        "100%",
+        "snake_case",
+    )
+    made = {store.evidence.add(Evidence("Rollout", {"note": text}, case="other")).id: text for text in texts}
+    expected = [name for name, text in made.items() if word.casefold() in text.casefold()]
+    found = [record.id for record in store.evidence.search("other", text=word).records if record.id in made]
+    assert found == expected[::-1]
+
+
+def test_the_last_record_about_a_rollout_is_found_in_each_case(store: EvidenceStore) -> None:
+    ids = {
+        number: store.evidence.add(Evidence("QueryWorld", {}, case=case, rollout=rollout)).id
+        for number, (case, rollout) in enumerate((("ball", "a"), ("other", "a"), ("ball", "a"), ("ball", "b")))
+    }
+    assert store.evidence.last_about("ball", "a") == ids[2]
+    assert store.evidence.last_about("other", "a") == ids[1]
+    assert store.evidence.last_about("other", "b") is None
+    assert store.evidence.rollouts(5) == ["b", "a"]
+    assert store.evidence.rollouts(1) == ["b"]
