@@ -123,14 +123,15 @@ class App:
 
     def world(self, case: Case, identifier: str | None = None) -> World:
         """A world of the case: the one named, else the committed one, else the latest draft."""
-        known = [world for world, _ in self.store.cases.worlds(case.id)]
-        if identifier is None:
-            identifier = case.committed_world or (known[-1] if known else None)
-        if identifier is None:
-            raise ToolError(f"case {case.id!r} has no world yet. Next: BuildWorld(case={case.id!r})")
-        if identifier not in known:
-            raise ToolError(f"case {case.id!r} has no world {identifier!r}; its worlds: {known}")
-        return _parsed(self.store.worlds.document(identifier))
+        wanted = case.committed_world if identifier is None else identifier
+        if wanted is None or not self.store.cases.has_world(case.id, wanted):
+            known = [world for world, _ in self.store.cases.worlds(case.id)]
+            if wanted is not None:
+                raise ToolError(f"case {case.id!r} has no world {wanted!r}; its worlds: {known}")
+            if not known:
+                raise ToolError(f"case {case.id!r} has no world yet. Next: BuildWorld(case={case.id!r})")
+            wanted = known[-1]
+        return _parsed(self.store.worlds.document(wanted))
 
     def keep_world(
         self,

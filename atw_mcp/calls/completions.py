@@ -19,6 +19,7 @@ from atw_mcp.calls.app import App
 from evidence_store import Evidence, StoreError, UnknownRecord
 
 MOST_COMPLETIONS = 100  # the protocol's limit
+LATEST = 1000  # records of a case whose ids and objects are offered: completion is asked for at every key
 Given = Mapping[str, str]  # the other arguments, as far as they are filled in
 
 
@@ -43,7 +44,8 @@ def register(server: MCPServer[Any], app: App) -> None:
 
 
 def known_values(app: App, argument: str, given: Given) -> list[str]:
-    """Return the values that an argument may take, latest first; none for one whose values are free.
+    """Return the values that an argument may take, latest first, of evidence those of the latest records; none for one
+    whose values are free.
 
     given: values of other arguments; a case narrows the choice of what belongs to one.
     """
@@ -62,7 +64,7 @@ def _cases(app: App, given: Given) -> list[str]:
 
 
 def _records(app: App, given: Given) -> Iterable[Evidence]:
-    return (record for case in _cases(app, given) for record in app.store.evidence.of_case(case)[::-1])
+    return (record for case in _cases(app, given) for record in app.store.evidence.search(case, limit=LATEST).records)
 
 
 def _objects(app: App, given: Given) -> Iterable[str]:

@@ -96,18 +96,18 @@ def stored_rollout(app: App, identifier: str) -> tuple[Case, World, Rollout]:
     try:
         result = _from_content(app.store.rollouts.get(identifier))
     except UnknownRecord as error:
-        made = sorted({e.rollout for c in app.store.cases.all() for e in app.store.evidence.of_case(c.id) if e.rollout})
-        known = f"rollouts: {made[-20:]}" if made else "there are none yet"
+        made = app.store.evidence.rollouts(20)
+        known = f"rollouts, the latest first: {made}" if made else "there are none yet"
         raise ToolError(
             f"{error}; {known}. Next: Rollout(case={case_hint(app)}) makes one and returns its id"
         ) from error
-    cases = [c for c in app.store.cases.all() if result.world_id in dict(app.store.cases.worlds(c.id))]
+    cases = [c for c in app.store.cases.all() if app.store.cases.has_world(c.id, result.world_id)]
     if not cases:
         raise ToolError(f"{identifier} belongs to no case of this store. Next: Rollout(case={case_hint(app)})")
 
     def last_use(case: Case) -> int:
-        used = [int(e.id.removeprefix("ev-")) for e in app.store.evidence.of_case(case.id) if e.rollout == identifier]
-        return max(used, default=0)
+        used = app.store.evidence.last_about(case.id, identifier)
+        return 0 if used is None else int(used.removeprefix("ev-"))
 
     # The same file opened under two names gives two cases with equal worlds: the one that asked last is meant.
     case = max(cases, key=last_use)

@@ -70,7 +70,7 @@ def of_store(store: EvidenceStore, count: int) -> dict[str, float]:
         "by interval": lambda: find(CASE, interval=(-1.5, -1.2)),
         "by words": lambda: find(CASE, text="rare rest"),
         "nothing found": lambda: find(CASE, status="failed"),
-        "by rollout": lambda: [r for r in store.evidence.of_case(CASE) if r.rollout == "rollout-0"],
+        "by rollout": lambda: store.evidence.last_about(CASE, "rollout-0"),
     }
     return {name: milliseconds(calls[name]) for name in STORE}
 
