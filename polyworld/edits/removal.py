@@ -54,6 +54,7 @@ def _forget(data: dict[str, Any], name: str) -> None:
         effects.append(effect)
     data["effects"] = effects
     data["joints"] = [j for j in data["joints"] if name not in (j["object"], j["other"])]
+    data["no_contact"] = [pair for pair in data["no_contact"] if name not in pair]
     data["attachments"] = [a for a in data["attachments"] if name not in (a["object"], a["to"])]
     data["pulleys"] = [p for p in data["pulleys"] if name not in (p["rope"], p["object"])]
     data["emitters"] = [e for e in data["emitters"] if e["fluid"] != name]

@@ -24,6 +24,7 @@ def check_consistent(world: World) -> None:
     _check_representations(world)
     _check_effects(world)
     _check_joints(world)
+    _check_no_contact(world)
     _check_attachments(world)
     _check_pulleys(world)
     _check_fluids(world)
@@ -123,6 +124,18 @@ def _check_joints(world: World) -> None:
             )
         if joint.kind in ("hinge", "slider") and np.linalg.norm(joint.axis) < 1e-9:
             raise ValueError(f"joint {joint.name!r}: its axis must not be zero")
+
+
+def _check_no_contact(world: World) -> None:
+    objects = {o.name for o in world.objects}
+    statics = {s.name for s in world.statics}
+    for pair in world.no_contact:
+        unknown = sorted(set(pair) - objects - statics)
+        if unknown or pair[0] == pair[1] or not set(pair) & objects:
+            raise ValueError(
+                f"no_contact {pair} must name two rigid objects, or one and a static; "
+                f"objects: {sorted(objects)}; statics: {sorted(statics)}"
+            )
 
 
 def _check_attachments(world: World) -> None:

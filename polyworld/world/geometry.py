@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from polyworld.world import MotionPlane
-from polyworld.world.shapes import Box, Capsule, Compound, ConvexMesh, Cylinder, Sphere, Wall
+from polyworld.world.shapes import Box, Capsule, Compound, ConvexMesh, Cylinder, Sphere, Wall, inertia_matrix
 
 if TYPE_CHECKING:
     import trimesh
@@ -76,7 +76,7 @@ def pieces(shape: Solid) -> tuple[Piece, ...]:
         return (Piece(shape, np.zeros(3), np.eye(3)),)
     places = np.array([part.position for part in shape.parts])
     volumes = np.array([mass_properties(part.shape).volume for part in shape.parts])
-    centre = volumes @ places / volumes.sum()
+    centre = volumes @ places / volumes.sum() if shape.centre_of_mass is None else np.asarray(shape.centre_of_mass)
     return tuple(
         Piece(part.shape, place - centre, quaternion_matrix(np.asarray(part.orientation)))
         for part, place in zip(shape.parts, places, strict=True)
@@ -93,7 +93,7 @@ def mass_properties(shape: Solid) -> MassProperties:
             volume += own.volume
             inertia += piece.rotation @ own.inertia @ piece.rotation.T
             inertia += own.volume * (p @ p * np.eye(3) - np.outer(p, p))  # Huygens and Steiner
-        return MassProperties(volume, inertia)
+        return MassProperties(volume, inertia if shape.inertia is None else volume * inertia_matrix(shape.inertia))
     if isinstance(shape, Sphere):
         volume = 4.0 / 3.0 * np.pi * shape.radius**3
         return MassProperties(volume, np.eye(3) * 0.4 * volume * shape.radius**2)

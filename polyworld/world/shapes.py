@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from polyworld.world.description import (
@@ -133,11 +134,41 @@ class Part(Description):
 class Compound(Description):
     """Several convex pieces that move as one: a bucket, a table, a dumbbell.
 
-    Pieces should not overlap: mass is counted for each. The body origin is moved to the common centre of mass.
+    Pieces should not overlap: mass is counted for each. The body origin is moved to the common centre of mass. A body
+    that is not solid, or not of one density, states its centre of mass and its inertia.
     """
 
     kind: Literal["compound"] = "compound"
     parts: tuple[Part, ...] = Field(min_length=1, max_length=64)
+    centre_of_mass: Vec3 | None = Field(
+        default=None, description="in the compound's axes [m]; default: of solid pieces"
+    )
+    inertia: Annotated[tuple[float, ...], fixed_length(6)] | None = Field(
+        default=None,
+        description="xx, yy, zz, xy, xz, yz of the inertia tensor for 1 kg, about the centre of mass in the compound's "
+        "axes [m^2]; default: of solid pieces",
+    )
+
+    @field_validator("inertia")
+    @classmethod
+    def _of_a_body(cls, value: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if value is None:
+            return None
+        if len(value) != 6:
+            raise ValueError(f"inertia takes six numbers, xx, yy, zz, xy, xz, yz; got {len(value)}")
+        least, middle, most = np.linalg.eigvalsh(inertia_matrix(value))
+        if least <= 0.0 or most > (least + middle) * (1.0 + 1e-6):
+            raise ValueError(
+                f"inertia has the principal moments {least:.6g}, {middle:.6g}, {most:.6g}: each must be positive and "
+                "none exceed the sum of the others"
+            )
+        return value
+
+
+def inertia_matrix(moments: tuple[float, ...]) -> NDArray[np.float64]:
+    """Inertia tensor (3, 3) of its components xx, yy, zz, xy, xz, yz."""
+    xx, yy, zz, xy, xz, yz = moments
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 BodyShape = Annotated[Sphere | Box | Cylinder | Capsule | ConvexMesh | Compound, Field(discriminator="kind")]

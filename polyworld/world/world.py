@@ -13,6 +13,8 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import (
     Field,
     SerializeAsAny,
@@ -36,6 +38,7 @@ from polyworld.world.description import (
     Positive,
     Quaternion,
     Vec3,
+    fixed_length,
     unit_quaternion,
 )
 from polyworld.world.observer import Observer
@@ -161,12 +164,14 @@ _OPTIONAL = (
     "deformables",
     "attachments",
     "pulleys",
+    "no_contact",
     "fluid_grid",
     "emitters",
     "drains",
     "containers",
     "observer",
 )
+_OF_COMPOUNDS = ("centre_of_mass", "inertia")
 _OF_EXPRESSIONS = ("expression", "parameter_units", "parameter_bounds")
 
 
@@ -183,6 +188,11 @@ class World(Description):
     deformables: tuple[Deformable, ...] = Field(default=(), max_length=64, description="all but rigid")
     attachments: tuple[Attachment, ...] = Field(default=(), max_length=256, description="fastenings of deformables")
     pulleys: tuple[Pulley, ...] = Field(default=(), max_length=64, description="pulleys that ropes run over")
+    no_contact: tuple[Annotated[tuple[Name, Name], fixed_length(2, "string")], ...] = Field(
+        default=(),
+        max_length=50_000,
+        description="pairs that pass through each other: rigid objects, or a rigid object and a static",
+    )
     fluid_grid: FluidGrid | None = Field(default=None, description="where and how finely fluids are computed")
     emitters: tuple[Emitter, ...] = Field(default=(), max_length=64)
     drains: tuple[Drain, ...] = Field(default=(), max_length=64)
@@ -214,11 +224,29 @@ class World(Description):
         content = self.model_dump(mode="json")
         effects = ((e, _OF_EXPRESSIONS) for e in content["effects"])
         statics = ((s, ("dominant",)) for s in content["statics"])
-        for part, names in ((content, _OPTIONAL), (content["time"], ("origin",)), *effects, *statics):
+        compounds = ((o["shape"], _OF_COMPOUNDS) for o in content["objects"] if o["shape"]["kind"] == "compound")
+        for part, names in ((content, _OPTIONAL), (content["time"], ("origin",)), *effects, *statics, *compounds):
             for name in names:
                 if not part[name]:
                     del part[name]
         return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+    def passing(self) -> NDArray[np.bool_]:
+        """Return which objects pass through which others, objects first (n, n + s): joined by a joint, or no_contact.
+
+        Springs leave what they join to collide.
+        """
+        names = [*(o.name for o in self.objects), *(s.name for s in self.statics)]
+        index = {name: i for i, name in enumerate(names)}
+        n = len(self.objects)
+        found = np.zeros((n, len(names)), dtype=bool)
+        joined = [(j.object, j.other) for j in self.joints if j.other is not None and j.kind != "spring"]
+        for a, b in (*joined, *self.no_contact):
+            i, j = sorted((index[a], index[b]))
+            found[i, j] = True
+            if j < n:
+                found[j, i] = True
+        return found
 
     @property
     def coupled(self) -> bool:

@@ -77,13 +77,7 @@ def _place_shapes(g: layout.Geometry, world: World, pieces: list[tuple[geometry.
     g.rotation = _array([p.rotation for p in objects] + [np.eye(3)] * statics, wp.mat33d)
     own = [geometry.circumscribed_radius(o.shape) for o in world.objects]
     g.bound = _array(own + [shape["bound"] for shape in tables.shapes[len(objects) :]], wp.float64)
-    collides = np.ones((len(world.objects), len(world.objects) + statics), dtype=np.int32)
-    index = {o.name: i for i, o in enumerate(world.objects)}
-    for joint in world.joints:
-        if joint.other is not None and joint.kind != "spring":
-            a, b = index[joint.object], index[joint.other]
-            collides[a, b] = collides[b, a] = 0
-    g.collides = buffers.array(collides, wp.int32)
+    g.collides = buffers.ints(~world.passing())
     if world.planar:
         normal = np.asarray(world.environment.motion_plane.normal, dtype=float)
         g.lock = wp.vec3d(*(normal / np.linalg.norm(normal)))
