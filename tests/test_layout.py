@@ -51,7 +51,7 @@ FLOORS = {
         ("effects", "expressions"),
         ("world",),
         ("model",),
-        ("edits",),
+        ("edits", "exchange"),
         ("trajectory",),
         ("solver",),
         ("probing",),

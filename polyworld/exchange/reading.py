@@ -1,0 +1,102 @@
+"""Which reader a file takes, and how it gets at the files that it names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from polyworld.exchange.imported import Imported
+
+READERS = {
+    ".xml": "MJCF",
+    ".mjcf": "MJCF",
+    ".urdf": "URDF",
+    ".usd": "USD",
+    ".usda": "USD",
+    ".usdc": "USD",
+    ".usdz": "USD",
+}
+EXTRA = "pip install 'atw-mcp[importers]'"
+
+
+def import_world(
+    path: str | Path, *, keyframe: str | int | None = None, read: Callable[[Path], bytes] | None = None
+) -> Imported:
+    """Read a file of MJCF, URDF or USD as a world, with a list of what it does not hold.
+
+    keyframe: name or number of an MJCF file's keyframe to start from; default: the model's own pose, at rest. read:
+    reads the files that the file names (meshes, included files); default: from where they lie. Raises ValueError for
+    what cannot be read or has no counterpart, ImportError naming the extra where the reader is not installed.
+    """
+    path = Path(path)
+    kind = READERS.get(path.suffix.lower())
+    if kind is None:
+        raise ValueError(f"{path.name} is no file that can be read: endings are {', '.join(READERS)}")
+    if keyframe is not None and kind != "MJCF":
+        raise ValueError(f"{path.name} is {kind}, which has no keyframes")
+    if kind == "USD":
+        from polyworld.exchange.usd import world_of_stage
+
+        return world_of_stage(path)
+    return _by_mujoco(path, kind, keyframe, read)
+
+
+def needed(module: str, what: str) -> ModuleType:
+    """Import a module of the extra; ImportError that names it where it is not installed."""
+    from importlib import import_module
+
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise ImportError(f"{what} needs {module.split('.')[0]}, which is not installed: {EXTRA}") from error
+
+
+def _by_mujoco(path: Path, kind: str, keyframe: str | int | None, read: Callable[[Path], bytes] | None) -> Imported:
+    mujoco: Any = needed("mujoco", f"reading {kind}")
+    from polyworld.exchange.mujoco_model import world_of_model
+
+    try:
+        spec = mujoco.MjSpec.from_file(str(path)) if read is None else _alone(mujoco, path, read)
+        model = spec.compile()
+    except ValueError as error:
+        raise ValueError(f"{path.name} is not read by MuJoCo: {error}") from error
+    data = mujoco.MjData(model)
+    if keyframe is not None:
+        mujoco.mj_resetDataKeyframe(model, data, _keyframe(mujoco, model, keyframe))
+    mujoco.mj_forward(model, data)
+    found = world_of_model(model, data)
+    if kind == "URDF":
+        found = Imported(found.world, ("the root link is fixed to the world, as MuJoCo reads URDF", *found.left_out))
+    return found
+
+
+def _alone(mujoco: Any, path: Path, read: Callable[[Path], bytes]) -> Any:
+    """A spec of a file that gets at no other but through `read`."""
+    text = read(path).decode()
+    if "<include" in text:
+        raise ValueError("it includes other files: write them into one, as MuJoCo's compile program does")
+    spec = mujoco.MjSpec.from_string(text)
+    assets: dict[str, bytes] = {}
+    for folder, parts in ((spec.meshdir, spec.meshes), (spec.meshdir, spec.hfields)):
+        for part in parts:
+            if part.file:
+                part.file = Path(part.file).name if spec.strippath else part.file
+                assets[str(Path(folder) / part.file) if folder else part.file] = read(path.parent / folder / part.file)
+    for texture in list(spec.textures):  # looks are colours here
+        spec.delete(texture)
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    spec.assets = assets
+    return spec
+
+
+def _keyframe(mujoco: Any, model: Any, keyframe: str | int) -> int:
+    number: int = keyframe if isinstance(keyframe, int) else -1
+    if isinstance(keyframe, str):
+        number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, keyframe)
+    if not 0 <= number < model.nkey:
+        there = [model.key(k).name or k for k in range(model.nkey)]
+        raise ValueError(f"there is no keyframe {keyframe!r}; keyframes: {there}")
+    return number

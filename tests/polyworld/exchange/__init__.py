@@ -1,0 +1,1 @@
+"""Worlds from and to other formats."""
