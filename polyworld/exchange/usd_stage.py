@@ -99,7 +99,7 @@ class Stage:
         return self._materials.get(named[0]) if named else None
 
     def mass_api(self, path: str) -> dict[str, Any]:
-        """Values that a prim states of mass, density, centre of mass, diagonal inertia and principal axes, stage units."""
+        """Return a prim's mass, density, centre of mass, diagonal inertia and principal axes, in stage units."""
         prim = self.prim(path)
         if not prim.HasAPI(self._physics.MassAPI):
             return {}
