@@ -54,7 +54,7 @@ def exponent(sizes: Sequence[float], values: Sequence[float]) -> float:
 
 
 def _measured(size: int, prepare: Callable[[], Callable[[], object]]) -> Point:
-    """Prepare and run twice; the second times count, since kernels are compiled and memory is claimed by the first."""
+    """Prepare and run twice: the second times count, since the first may compile kernels."""
     prepare()()
     taken = [0.0, 0.0]
 
@@ -65,12 +65,8 @@ def _measured(size: int, prepare: Callable[[], Callable[[], object]]) -> Point:
         run()
         taken[:] = ready - began, time.process_time() - ready
 
-    return Point(size, *_after(both, taken))
-
-
-def _after(work: Callable[[], None], taken: list[float]) -> tuple[float, float, float]:
-    megabytes = peak_megabytes(work)
-    return taken[0], taken[1], megabytes
+    megabytes = peak_megabytes(both)
+    return Point(size, taken[0], taken[1], megabytes)
 
 
 def _run_of(world: World, duration: float, worlds: int = 1) -> Callable[[], object]:
@@ -156,7 +152,7 @@ def _summary(series: Series) -> tuple[str, ...]:
         reach,
         f"{prepare:.2f}",
         f"{run:.2f}",
-        f"{memory:.2f}",
+        "-" if math.isnan(memory) else f"{memory:.2f}",
         f"{last.run:.3g}",
         f"{last.megabytes:.0f}",
     )
