@@ -178,7 +178,7 @@ _OF_EXPRESSIONS = ("expression", "parameter_units", "parameter_bounds")
 class World(Description):
     """An executable world."""
 
-    objects: tuple[RigidObject, ...] = Field(default=(), max_length=256)
+    objects: tuple[RigidObject, ...] = Field(default=(), max_length=512)
     statics: tuple[StaticObject, ...] = Field(default=(), max_length=256)
     environment: Environment = Environment()
     effects: tuple[Effect, ...] = Field(default=(), max_length=64)
