@@ -87,7 +87,7 @@ def table(quick: bool) -> Table:
     """Return the step of six bodies, measured on one core, beside what its arithmetic and its memory would take."""
     scene, worlds = six(1.0 if quick else 5.0), 8
     runs = {name: PolyWorld(planar=name == "planar").prepare(scene, worlds, 0.04, 1) for name in WORK}
-    times = interleaved({name: run.run for name, run in runs.items()}, 2 if quick else 5)
+    times, _ = interleaved({name: run.run for name, run in runs.items()}, 2 if quick else 5)
     slow, fast, stream = multiply_adds(dependent, 1), multiply_adds(independent, 8), bandwidth()
     contacts = touching(scene)
     rows = []

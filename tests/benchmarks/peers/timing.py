@@ -11,6 +11,8 @@ from tests.benchmarks.peers.engine import Engine, Prepared, UnsupportedError
 from tests.benchmarks.peers.machine import THREADS
 from tests.benchmarks.peers.scenes import Scene
 
+LONG = 2.0  # a call that takes longer [CPU s] is timed once: noise is a small part of it
+
 
 @dataclass(frozen=True)
 class Times:
@@ -20,19 +22,36 @@ class Times:
     cpu: float
 
 
-def interleaved(calls: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, Times]:
-    """Return medians over repeats of calls that take turns, each called once before that is not counted."""
-    for call in calls.values():
-        call()
-    wall: dict[str, list[float]] = {name: [] for name in calls}
-    cpu: dict[str, list[float]] = {name: [] for name in calls}
+def timed(call: Callable[[], object]) -> Times:
+    """Return the times of one call."""
+    before, spent = time.perf_counter(), time.process_time()
+    call()
+    return Times(time.perf_counter() - before, time.process_time() - spent)
+
+
+def interleaved(calls: Mapping[str, Callable[[], object]], repeats: int) -> tuple[dict[str, Times], dict[str, str]]:
+    """Return medians over repeats of calls that take turns, and why those that fail do.
+
+    The first round is not counted, except for calls that take longer than `LONG`: they are not called again.
+    """
+    failed: dict[str, str] = {}
+    taken: dict[str, list[Times]] = {}
+    for name, call in calls.items():
+        try:
+            first = timed(call)
+        except Exception as error:  # a peer that fails is a finding, not the end of the comparison
+            failed[name] = f"failed: {type(error).__name__}: {error}"[:120]
+        else:
+            taken[name] = [first] if first.cpu > LONG else []
+    again = [name for name, times in taken.items() if not times]
     for _ in range(repeats):
-        for name, call in calls.items():
-            before, spent = time.perf_counter(), time.process_time()
-            call()
-            wall[name].append(time.perf_counter() - before)
-            cpu[name].append(time.process_time() - spent)
-    return {name: Times(statistics.median(wall[name]), statistics.median(cpu[name])) for name in calls}
+        for name in again:
+            taken[name].append(timed(calls[name]))
+    medians = {
+        name: Times(statistics.median(t.wall for t in times), statistics.median(t.cpu for t in times))
+        for name, times in taken.items()
+    }
+    return medians, failed
 
 
 def prepared(
@@ -51,14 +70,9 @@ def prepared(
     return ready, refused
 
 
-def raced(ready: Mapping[str, Prepared], repeats: int) -> dict[str, Times]:
-    """Return the times of runs that take turns."""
-    return interleaved({name: run.run for name, run in ready.items()}, repeats)
-
-
 def milliseconds(seconds: float) -> str:
     """Return a time as text [ms]."""
-    return f"{1e3 * seconds:.3g}"
+    return f"{1e3 * seconds:.3g}" if seconds < 1.0 else f"{1e3 * seconds:.0f}"
 
 
 def advantage(times: Mapping[str, Times], name: str, peers: Sequence[str]) -> str:
