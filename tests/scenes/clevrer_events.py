@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from polyworld.solver.rollout import rollout
@@ -42,14 +43,21 @@ def simulated_collisions(world: World, last_frame: int) -> list[Collision]:
     """Collisions of pairs of objects up to a frame, repeated touches within `APART` frames counted once."""
     result = rollout(world, last_frame * SECONDS_PER_FRAME)
     bodies = {o.name for o in world.objects}
+    touches = [
+        (event.time / world.time.seconds_per_frame, event.participants, event.kind == "contact_begin")
+        for event in result.events
+        if event.kind in ("contact_begin", "contact_end") and set(event.participants) <= bodies
+    ]
+    return collisions_of_touches(touches)
+
+
+def collisions_of_touches(touches: Iterable[tuple[float, Sequence[str], bool]]) -> list[Collision]:
+    """Collisions of touches (frame, pair, whether one may begin there), repetitions within `APART` counted once."""
     latest: dict[tuple[str, str], float] = {}
     found: list[Collision] = []
-    for event in sorted(result.events, key=lambda e: e.time):
-        if event.kind not in ("contact_begin", "contact_end") or not set(event.participants) <= bodies:
-            continue
-        first, second = sorted(event.participants)
-        frame = event.time / world.time.seconds_per_frame
-        begins = event.kind == "contact_begin" and frame - latest.get((first, second), -1e9) > APART
+    for frame, pair, begin in sorted(touches, key=lambda touch: touch[0]):
+        first, second = sorted(pair)
+        begins = begin and frame - latest.get((first, second), -1e9) > APART
         latest[(first, second)] = frame
         if begins:
             found.append(Collision((first, second), round(frame)))
