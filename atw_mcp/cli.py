@@ -13,7 +13,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from atw_mcp import client_configuration, server_process, store_commands
+from atw_mcp import client_configuration, exchange_commands, server_process, store_commands
 from atw_mcp.allowed_paths import add_allow, allowed_here
 from atw_mcp.calls.spelling import did_you_mean
 from atw_mcp.calls.toolsets import Selection, add_selection
@@ -166,6 +166,7 @@ def _parser() -> argparse.ArgumentParser:
 
     gap_command.add_parser(commands)
     store_commands.add_parser(commands)
+    exchange_commands.add_parser(commands)
     client_configuration.add_parser(commands)
 
     schema = commands.add_parser("schema", help="print the JSON schema of a world description")

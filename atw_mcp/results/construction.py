@@ -44,9 +44,9 @@ class BuiltWorld(DescribedParts):
 
 
 class GivenWorld(DescribedParts):
-    """Data of BuildWorld of a world that was given as JSON."""
+    """Data of BuildWorld of a world that was given as JSON, or as a file."""
 
     world: str = Field(description="id of the world")
     objects: list[RigidObject]
     statics: list[StaticObject]
-    assumed: list[str] = Field(description="what is doubtful in it")
+    assumed: list[str] = Field(description="what is doubtful in it, and what a file holds that it does not")

@@ -152,6 +152,7 @@ class InspectedWorld(Result):
     joints: list[JointPart]
     attachments: list[AttachmentPart]
     pulleys: list[PulleyPart]
+    no_contact: list[list[str]] = Field(description="pairs that pass through each other")
     fluid_grid: FluidGridPart | None = Field(default=None, description="missing: no fluid")
     emitters: list[EmitterPart]
     drains: list[DrainPart]

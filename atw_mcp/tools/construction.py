@@ -38,6 +38,7 @@ from atw_mcp.worlds.building import Built, Given, ObservedObject, Scene, build_w
 from atw_mcp.worlds.parts import Parts, read_parts
 from atw_mcp.worlds.sizes import check_described, check_sizes, described, takes_long
 from atw_mcp.worlds.warnings import fluid_warnings
+from atw_mcp.worlds.world_files import world_of_file
 from evidence_store import Case
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import Effect, MotionPlane, StaticObject, TimeBase, World
@@ -149,10 +150,10 @@ def build_world_tool(
         Field(description="observation id, as OpenCase lists them; default: the latest"),
     ] = None,
     world: Annotated[
-        dict[str, Any] | None,
+        dict[str, Any] | str | None,
         Field(
-            description="instead of all this, a complete world (atw://schema/world); its schema: "
-            "DescribeTool(tool='BuildWorld', argument='world') or the resource atw://schema/world"
+            description="instead of all this, a complete world, or its file: JSON, MJCF, URDF, USD; schema: "
+            "DescribeTool(tool='BuildWorld', argument='world') or atw://schema/world"
         ),
     ] = None,
     patience_seconds: Patience = 40.0,
@@ -369,16 +370,20 @@ def _in_the_air(record: TrackRecord, built: Built) -> list[str]:
     return found
 
 
-def _from_document(app: App, case: Case, document: dict[str, Any], patience: float) -> Answer | LongWork:
+def _from_document(app: App, case: Case, document: dict[str, Any] | str, patience: float) -> Answer | LongWork:
     with explained("DescribeTool(tool='BuildWorld', argument='world') gives the schema of a world"):
-        made = World.model_validate(document)
+        left_out: tuple[str, ...] = ()
+        if isinstance(document, str):
+            made, left_out = world_of_file(app.files, document)
+        else:
+            made = World.model_validate(document)
         check_sizes(made, app.limits)
     if takes_long(made.deformables):
-        return _divided(case, f"build {case.id} {made.id}", patience, lambda: _kept_document(app, case, made))
-    return _kept_document(app, case, made)
+        return _divided(case, f"build {case.id} {made.id}", patience, lambda: _kept_document(app, case, made, left_out))
+    return _kept_document(app, case, made, left_out)
 
 
-def _kept_document(app: App, case: Case, made: World) -> Answer:
+def _kept_document(app: App, case: Case, made: World, left_out: tuple[str, ...]) -> Answer:
     with explained("DescribeTool(tool='BuildWorld', argument='world') gives the schema of a world"):
         warned = fluid_warnings(made)
     record = app.store.cases.observations(case.id, "tracks")
@@ -392,7 +397,7 @@ def _kept_document(app: App, case: Case, made: World) -> Answer:
             "objects": made.objects,
             "statics": made.statics,
             **described_parts(made),
-            "assumed": warned,
+            "assumed": [*left_out, *warned],
         },
         case=case.id,
         world=made.id,

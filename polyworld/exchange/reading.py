@@ -39,7 +39,7 @@ def import_world(
     if kind == "USD":
         from polyworld.exchange.usd import world_of_stage
 
-        return world_of_stage(path)
+        return world_of_stage(path, alone=read is not None)
     return _by_mujoco(path, kind, keyframe, read)
 
 

@@ -26,9 +26,12 @@ Array = NDArray[np.float64]
 EARTH = 9.81  # [m/s^2]
 
 
-def world_of_stage(path: Path) -> Imported:
-    """Return the world of a USD file's rigid bodies, joints and colliders; raises ValueError where there are none."""
-    stage = Stage(path)
+def world_of_stage(path: Path, *, alone: bool = False) -> Imported:
+    """Return the world of a USD file's rigid bodies, joints and colliders.
+
+    alone: refuse a file that refers to others. Raises ValueError where there is nothing of these.
+    """
+    stage = Stage(path, alone)
     names, notes = Names(), []
     labels: dict[str, str] = {}  # path of a body or static collider -> name
     objects, moving = [], {}

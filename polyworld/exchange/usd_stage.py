@@ -33,7 +33,7 @@ class Stage:
     metre, kilogram: a unit of the stage in SI. up: rotation (3, 3) from the stage's axes to axes with z up.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, alone: bool) -> None:
         from polyworld.exchange.reading import needed
 
         usd = needed("pxr.Usd", "reading USD")
@@ -42,6 +42,9 @@ class Stage:
             self.usd: Any = usd.Stage.Open(str(path))
         except Exception as error:  # USD's own, of no useful type
             raise ValueError(f"{path.name} is not read by USD: {str(error).strip().splitlines()[-1]}") from error
+        root = self.usd.GetRootLayer()
+        if alone and (root.GetExternalReferences() or root.GetCompositionAssetDependencies()):
+            raise ValueError(f"{path.name} refers to other files: flatten it, as `usdcat --flatten` does")
         self.metre = float(geom.GetStageMetersPerUnit(self.usd))
         self.kilogram = float(self._physics.GetStageKilogramsPerUnit(self.usd))
         y_up = geom.GetStageUpAxis(self.usd) == geom.Tokens.y
@@ -99,7 +102,7 @@ class Stage:
         return self._materials.get(named[0]) if named else None
 
     def mass_api(self, path: str) -> dict[str, Any]:
-        """Return a prim's mass, density, centre of mass, diagonal inertia and principal axes, in stage units."""
+        """Values that a prim states of its mass, centre of mass, diagonal inertia and principal axes, stage units."""
         prim = self.prim(path)
         if not prim.HasAPI(self._physics.MassAPI):
             return {}
