@@ -29,7 +29,13 @@ class Attachment(Description):
     name: Name = Field(description="name, which nothing else in the world has")
     object: Name = Field(description="the rope, cloth or soft body")
     end: Literal["start", "end"] | None = Field(default=None, description="an end of a rope")
-    nodes: tuple[int, ...] | None = Field(default=None, description="node indices; InspectWorld says where they are")
+    nodes: tuple[int, ...] | None = Field(
+        default=None,
+        description="node indices, from 0. Rope: along it, the last is `segments`. Sheet of nu by nv divisions: "
+        "i (nv + 1) + j lies at corner + edge_u i / nu + edge_v j / nv, so its corners are 0, nv, nu (nv + 1) and "
+        "(nu + 1)(nv + 1) - 1. Mesh of cloth: its vertices, equal ones once. Soft body: InspectWorld says where they "
+        "are, or give a region",
+    )
     region: Region | None = Field(default=None, description="all nodes that are in this box at the start")
     clamped: bool = Field(default=False, description="of a rope's end: its direction is held too")
     to: Name | None = Field(default=None, description="rigid or deformable object it is held to; default: the world")

@@ -18,7 +18,8 @@ class Sheet(Description):
     edge_u: Vec3 = Field(description="vector along one edge, its length the edge's [m]")
     edge_v: Vec3 = Field(description="vector along the other edge [m]")
     divisions: Annotated[tuple[int, int], fixed_length(2, "integer")] = Field(
-        default=(20, 20), description="number of divisions along u and v"
+        default=(20, 20),
+        description="number of divisions nu, nv along u and v; node i (nv + 1) + j is i along u and j along v",
     )
 
     @model_validator(mode="after")

@@ -43,3 +43,14 @@ def test_sizes_and_solids_are_those_of_the_shapes() -> None:
 def test_an_unknown_name_is_refused_with_the_choices() -> None:
     with pytest.raises(KeyError, match=r"unknown deformable object 'sail'; deformables: \['flag', 'rope'\]"):
         model_of(world()).mesh("sail")
+
+
+def test_nodes_of_sheets_and_ropes_are_numbered_as_the_schema_says() -> None:
+    """Node i (nv + 1) + j of a sheet lies i along u and j along v; a rope's begin at its start."""
+    found = world()
+    nodes = mesh_of(found, found.deformables[0]).nodes
+    np.testing.assert_allclose(nodes[1 * 4 + 2], (0.5, 2 * 2 / 3, 1), atol=1e-12)
+    np.testing.assert_allclose(nodes[[0, 3, 8, 11]], [(0, 0, 1), (0, 2, 1), (1, 0, 1), (1, 2, 1)], atol=1e-12)
+    rope = mesh_of(found, found.deformables[1]).nodes
+    assert len(rope) == 21
+    np.testing.assert_allclose(rope[[0, 20]], [(-1, 0, 0), (1, 0, 0)], atol=1e-12)

@@ -1,0 +1,34 @@
+"""The README's examples of Python run as they are written, one after the other, and give what they say."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+README = Path(__file__).parent.parent / "README.md"
+
+
+def test_examples_of_python_run_and_say_what_is_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mujoco")
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"^```python\n(.*?)^```", README.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    assert len(blocks) == 5
+    names: dict[str, Any] = {}
+    for block in blocks:
+        exec(block, names)
+    assert names["heights"].shape == (51,)
+    assert names["bounces"][0] == (
+        pytest.approx(np.sqrt(2 / 9.81), abs=2e-3),
+        pytest.approx(np.sqrt(2 * 9.81), rel=1e-3),
+    )
+    np.testing.assert_allclose(names["apex"], np.linspace(0.1, 0.9, 64) ** 2, atol=6e-3)
+    whole = names["run"].trajectory
+    np.testing.assert_array_equal(names["rest"].trajectory.positions, whole.positions[25:])
+    # Held against its weight of 8.4 kg: 400 (0.5 - angle) = m g l sin(angle).
+    x, _, z = names["state"].positions[1]
+    assert 0.4 < np.arctan2(-x, 2 - z) < 0.5
+    assert [o.name for o in names["found"].world.objects] == ["ball", "rod"]
