@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ Array = NDArray[np.float64]
 
 LEAST_GAP = 0.15  # between a node and the place where a wheel is touched, over the length of a segment
 ARC_POINTS = 91  # at which the rope's way round a wheel is followed
+PARALLEL = 1e-6  # square of the sine of an angle below which parts of a rope do not cross
 TANGENT_PASSES = 60  # wheel-to-wheel tangents converge by a factor of a few a pass, at worst
 
 
@@ -25,7 +27,8 @@ class Threading:
     nodes (segments + 1, 3) [m]. pulleys (P,): the rope's pulleys in the order in which it passes them. order
     (segments + 1 + P,): what the rope passes: k >= 0 is node k, -1 - p is pulley p. rest (segments + P,): length
     without tension of each link [m]; one half of the arc that lies on a wheel belongs to each of its links.
-    segment_length: rest length of a segment that touches no wheel. wrap (P,): initial wrap angles [rad].
+    segment_length: rest length of a segment that touches no wheel. stretch: length of the way round its pulleys over
+    that without tension, 1 for a slack rope and one without pulleys. wrap (P,): initial wrap angles [rad].
     arrives (P, 3): where the rope meets each wheel [m].
     """
 
@@ -34,6 +37,7 @@ class Threading:
     order: NDArray[np.int32]
     rest: Array
     segment_length: float
+    stretch: float
     wrap: Array
     arrives: Array
 
@@ -67,6 +71,7 @@ def threading(world: World, rope: Rope) -> Threading:
     points = np.asarray(rope.points, dtype=float)
     pulleys = pulleys_of(world, rope)
     corners, arcs = _path(rope.name, points, pulleys)
+    _check_crossings(rope, pulleys, corners, arcs)
     steps = np.linalg.norm(np.diff(corners, axis=0), axis=1)
     steps[[k for k, _, _ in arcs]] = 0.0  # from the first tangent point of a wheel to the second
     along = np.concatenate([[0.0], np.cumsum(steps)])
@@ -89,7 +94,8 @@ def threading(world: World, rope: Rope) -> Threading:
     for p in range(len(pulleys)):
         k = int(np.flatnonzero(order == -1 - p)[0])
         rest[[k - 1, k]] += 0.5 * on_wheels[p]
-    return Threading(nodes, pulleys, order, rest, segment_length, wrap, corners[[k for k, _, _ in arcs]])
+    arrives = corners[[k for k, _, _ in arcs]]
+    return Threading(nodes, pulleys, order, rest, segment_length, stretch, wrap, arrives)
 
 
 def round_wheels(thread: Threading) -> Array:
@@ -124,6 +130,36 @@ def _path(name: str, points: Array, pulleys: tuple[Pulley, ...]) -> tuple[Array,
             arcs.append((len(corners) - 1, _wrap_angle(stop, arrives[i], leaves[i]), stop.radius))
             corners.append(leaves[i])
     return np.asarray(corners), arcs
+
+
+def _check_crossings(
+    rope: Rope, pulleys: tuple[Pulley, ...], corners: Array, arcs: list[tuple[int, float, float]]
+) -> None:
+    """Raise ValueError where a rope that leaves a wheel runs through itself, as it does past one on its wrong side."""
+    on_wheels = {k for k, _, _ in arcs}
+    parts = [k for k in range(len(corners) - 1) if k not in on_wheels] if pulleys else []
+    for i, j in itertools.combinations(parts, 2):
+        place = _crossing(corners[i : i + 2], corners[j : j + 2], 2.0 * rope.radius)
+        between = [(angle, p.name) for (k, angle, _), p in zip(arcs, pulleys, strict=True) if i < k < j]
+        if place is not None and between:
+            angle, name = max(between)
+            raise ValueError(
+                f"rope {rope.name!r} runs through itself at {np.round(place, 4).tolist()}, with a wrap of "
+                f"{np.degrees(angle):.0f} degrees on pulley {name!r}: give that pulley the other turns_positive, or "
+                f"lead the rope's parts past each other by more than its diameter, {2.0 * rope.radius:g} m"
+            )
+
+
+def _crossing(a: Array, b: Array, near: float) -> Array | None:
+    """Where two straight parts (2, 3) come nearer to each other than `near` between their ends; None if nowhere."""
+    u, v, apart = a[1] - a[0], b[1] - b[0], a[0] - b[0]
+    across = float((u @ u) * (v @ v) - (u @ v) ** 2)
+    if across < PARALLEL * float((u @ u) * (v @ v)):
+        return None
+    s = ((u @ v) * (v @ apart) - (v @ v) * (u @ apart)) / across
+    t = ((u @ u) * (v @ apart) - (u @ v) * (u @ apart)) / across
+    inner = 0.0 < s < 1.0 and 0.0 < t < 1.0
+    return a[0] + s * u if inner and np.linalg.norm(apart + s * u - t * v) < near else None
 
 
 def _place(stop: Array | Pulley) -> Array:

@@ -106,8 +106,8 @@ def _stored(world: World) -> float:
         rest = thread.segment_length
         if not thread.pulleys:
             total += 0.5 * rope.stretch_stiffness * float((np.maximum(chain / rest - 1.0, 0.0) ** 2).sum()) * rest
-        else:  # a chord across a wheel is shorter than what it stands for
-            total += 0.5 * rope.stretch_stiffness * 1e-4 * float(thread.rest.sum())
+        else:
+            total += 0.5 * rope.stretch_stiffness * (thread.stretch - 1.0) ** 2 * float(thread.rest.sum())
         if not rope.curved_at_rest:
             t = np.diff(thread.nodes, axis=0) / chain[:, None]
             turn = np.arccos(np.clip((t[1:] * t[:-1]).sum(axis=1), -0.999, 1.0))

@@ -192,3 +192,27 @@ def test_load_that_comes_to_the_wheel_stops_there() -> None:
     np.testing.assert_allclose(trajectory.positions[1:, 0], [[-RADIUS, 0, 0]] * 2, atol=0.02)
     np.testing.assert_allclose(trajectory.positions[1:, 1], [[RADIUS, 0, -2]] * 2, atol=0.02)
     np.testing.assert_allclose(trajectory.positions[2], trajectory.positions[1], atol=1e-3)
+
+
+def test_taut_rope_over_a_wheel_stays_at_rest() -> None:
+    """Stretched by 5% between two fixed ends it is in equilibrium: tension 0.05 EA, and nothing but its weight moves.
+
+    Its waves need more inner steps from the first one on than loads at rest would.
+    """
+    around = 2.0 + np.pi * RADIUS
+    stiffness = 1e6
+    cord = rope([[-RADIUS, 0, -1], [RADIUS, 0, -1]], 20, stretch_stiffness=stiffness, length=around / 1.05)
+    wheel = {"name": "wheel", "rope": "rope", "centre": [0, 0, 0], "radius": RADIUS, "after": 0}
+    motion = run(world(cord, attachments=[held("start"), held("end")], pulleys=[wheel]), 0.1)[1]
+    assert motion.quantities["tension"][-1] == pytest.approx(0.05 * stiffness, rel=1e-3)
+    assert np.abs(motion.velocities).max() < 0.005
+
+
+def test_rope_thrown_off_its_wheel_comes_back_without_gaining_energy() -> None:
+    cord = rope([[-0.5, 0, -0.1], [0.5, 0, -0.1]], 20, stretch_stiffness=50.0, velocity=[0, 0, 1.0])
+    wheel = {"name": "wheel", "rope": "rope", "centre": [0, 0, -0.05], "radius": RADIUS, "after": 0, "inertia": 1e-4}
+    motion = run(world(cord, attachments=[held("start"), held("end")], pulleys=[wheel]), 0.4, 0.005)[1]
+    energy = 0.5 * (motion.velocities**2).sum(axis=-1) + G * motion.points[..., 2]
+    energy = energy[:, 1:-1].mean(axis=1)
+    assert np.ptp(motion.points[:, 10, 2]) > 0.03
+    assert energy.max() < energy[0] + 0.1  # of the 0.5 J/kg that it was thrown with

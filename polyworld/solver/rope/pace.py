@@ -2,13 +2,15 @@
 
 A node between links of tension T and length l swings across them at omega^2 of up to 2 (T/l + T'/l')/m (Gershgorin),
 to which bending adds 16 EI/(rho L^4). The number of inner steps follows the mean tension of the coupling step before,
-for each world alone, and never falls below the number the world began with.
+for each world alone, and never falls below the number the world began with. Rope that runs over a wheel goes no
+further in one than a node is from the wheel where it passes it.
 """
 
 import warp as wp
 
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.rope.layout import Ropes, RopeState
+from polyworld.solver.rope.wheels import NEAREST, on_wheel
 from polyworld.solver.spatial.layout import OPTIONS
 
 wp.set_module_options(OPTIONS)
@@ -36,7 +38,7 @@ def fastest_swing(ropes: Ropes, state: RopeState, inverse_mass: wp.array2d[wp.fl
             element = state.order[w, order + k + side]
             if element < 0:
                 p = ropes.first_wheel[r] - 1 - element
-                length -= wp.float64(0.5) * ropes.wheel_radius[p] * state.wheels[w, p].wrap
+                length -= wp.float64(0.5) * on_wheel(ropes, state, w, p)
         if not (length > shortest):  # not a number where the rate is not known
             length = shortest
         after = wp.max(state.mean_tension[w, first + k], wp.float64(0.0)) / length
@@ -65,7 +67,13 @@ def choose_inner_steps(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeStat
     for r in range(ropes.nodes.shape[0]):
         if nodes.active[w, ropes.first_node[r]] == 1:
             square = wp.max(square, fastest_swing(ropes, state, nodes.inverse_mass, w, r))
-    wanted = wp.min(clock.h[w] * wp.sqrt(square) * STEPS_PER_RADIAN, wp.float64(MOST_STEPS))
+    wanted = clock.h[w] * wp.sqrt(square) * STEPS_PER_RADIAN
+    for r in range(ropes.nodes.shape[0]):
+        for p in range(ropes.first_wheel[r], ropes.first_wheel[r] + ropes.wheels[r]):
+            if state.wheels[w, p].index >= 0:
+                flow = clock.h[w] * wp.abs(state.wheels[w, p].speed)
+                wanted = wp.max(wanted, flow / (NEAREST * ropes.segment_length[r]))
+    wanted = wp.min(wanted, wp.float64(MOST_STEPS))
     kept = state.need[w] * wp.exp(-clock.h[w] / REMEMBERED)
     if wanted > kept:
         kept = wanted

@@ -4,7 +4,7 @@ import warp as wp
 
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.rope.layout import Ropes, RopeState
-from polyworld.solver.rope.wheels import NEAREST, push_wheel
+from polyworld.solver.rope.wheels import NEAREST, on_wheel, push_wheel
 from polyworld.solver.spatial.layout import OPTIONS
 
 wp.set_module_options(OPTIONS)
@@ -13,6 +13,7 @@ wp.set_module_options(OPTIONS)
 # A node passes a wheel where it is NEAREST to it, and goes on this far beyond it, over a segment's length: a nearer
 # one would swing across the rope faster than the inner step resolves.
 BEYOND = wp.constant(wp.float64(0.15))
+LEAST_PART = wp.constant(wp.float64(0.02))  # straight rope that no node or flow takes from a link, over a segment's
 
 
 @wp.func
@@ -61,17 +62,25 @@ def run_off(ropes: Ropes, state: RopeState, w: int, r: int, p: int) -> None:
 
 
 @wp.func
+def straight_rest(ropes: Ropes, state: RopeState, w: int, r: int, p: int, k: int) -> wp.float64:
+    """Rest length of a link next to a wheel, without what lies on the wheel, that can be taken from it [m]."""
+    stiffness = ropes.stretch_stiffness[w % ropes.stretch_stiffness.shape[0], r]
+    stretch = wp.float64(1.0) + wp.max(state.tension[w, k], wp.float64(0.0)) / stiffness
+    arc = wp.float64(0.5) * on_wheel(ropes, state, w, p) / stretch
+    return wp.max(state.rest[w, k] - arc - LEAST_PART * ropes.segment_length[r], wp.float64(0.0))
+
+
+@wp.func
 def pass_node(ropes: Ropes, state: RopeState, nodes: Nodes, h: wp.float64, w: int, r: int, p: int, side: int) -> None:
     """Bring the node next to a wheel (before it: side -1, after it: 1) to the other side.
 
     Its velocity turns by the wrap about the axis, and the carrier takes the change of momentum.
     """
     wheel = state.wheels[w, p]
-    beyond = BEYOND * ropes.segment_length[r]
     first = ropes.first_link[r]
     node = element_at(state, ropes, w, r, wheel.index + side)
     i = ropes.first_node[r] + node
-    rotation = wp.quat_from_axis_angle(wheel.axis, wheel.wrap * wp.float64(-side))
+    rotation = wp.quat_from_axis_angle(wheel.axis, wp.max(wheel.wrap, wp.float64(0.0)) * wp.float64(-side))
     k = first + wheel.index - 1  # the link before the wheel
     away = state.direction[w, k + 1]
     tangent = wheel.leaves
@@ -82,7 +91,10 @@ def pass_node(ropes: Ropes, state: RopeState, nodes: Nodes, h: wp.float64, w: in
         far = k
     stiffness = ropes.stretch_stiffness[w % ropes.stretch_stiffness.shape[0], r]
     stretch = wp.float64(1.0) + state.tension[w, far] / stiffness
-    near = (wp.float64(0.5) * ropes.wheel_radius[p] * wheel.wrap + beyond) / stretch
+    # Half of the way to the next node where that has come near, too.
+    room = wp.float64(0.5) * straight_rest(ropes, state, w, r, p, far) * stretch
+    beyond = wp.min(BEYOND * ropes.segment_length[r], room)
+    near = (wp.float64(0.5) * on_wheel(ropes, state, w, p) + beyond) / stretch
     if side < 0:
         state.rest[w, k - 1] = state.rest[w, k - 1] + state.rest[w, k]
         state.rest[w, k + 1] = state.rest[w, k + 1] - near
@@ -117,6 +129,8 @@ def pass_wheels(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> N
             upstream = k + 1
         stretch = wp.float64(1.0) + state.tension[w, upstream] / stiffness
         flow = state.wheels[w, p].speed * h / stretch
+        most = straight_rest(ropes, state, w, r, p, upstream)
+        flow = wp.clamp(flow, -most, most)
         state.rest[w, k] = state.rest[w, k] - flow
         state.rest[w, k + 1] = state.rest[w, k + 1] + flow
         for half in range(2):
@@ -138,9 +152,15 @@ def pass_wheels(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> N
             left = wp.dot(n, tangent + state.wheels[w, p].velocity * h - nodes.x[w, i])
             if left >= NEAREST * ropes.segment_length[r]:
                 continue
+            # One that was brought here and goes on does not turn back.
+            parts = wp.dot(n, nodes.v[w, i] - state.wheels[w, p].velocity) < wp.float64(0.0)
+            if parts and left > LEAST_PART * ropes.segment_length[r]:
+                continue
             if node == 0 or node == ropes.nodes[r] - 1:
                 if state.attached[w, r, half] == 0:
                     run_off(ropes, state, w, r, p)
             else:
-                pass_node(ropes, state, nodes, h, w, r, p, side)
+                far = first + index - half
+                if straight_rest(ropes, state, w, r, p, far) > LEAST_PART * ropes.segment_length[r]:
+                    pass_node(ropes, state, nodes, h, w, r, p, side)
             break

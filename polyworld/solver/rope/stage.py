@@ -300,7 +300,7 @@ class RopeStage:
         length = float(thread.rest.sum())
         weight = SWING * (load + f["linear_density"] * length) * gravity
         chord = np.linalg.norm(np.diff(thread.nodes, axis=0), axis=1).mean()
-        strain = 0.0 if thread.pulleys else max(float(chord) / thread.segment_length - 1.0, 0.0)
+        strain = thread.stretch - 1.0 if thread.pulleys else max(float(chord) / thread.segment_length - 1.0, 0.0)
         slack = 0.0 if thread.pulleys else max((thread.segment_length - float(chord)) * rope.segments, 0.0)
         speeds = [np.linalg.norm(self.world.object(name).velocity) for name in self._loads(rope)]
         square = max(speeds, default=0.0) ** 2 + 2.0 * gravity * slack

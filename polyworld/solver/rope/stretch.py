@@ -19,6 +19,7 @@ from polyworld.solver.rope.wheels import (
     judge_wheel,
     mobility_along,
     move_carrier,
+    on_wheel,
     place_wheels,
     push_wheel,
 )
@@ -38,7 +39,7 @@ def half_arc(ropes: Ropes, state: RopeState, w: int, r: int, element: int) -> wp
     if element >= 0:
         return wp.float64(0.0)
     p = ropes.first_wheel[r] - 1 - element
-    return wp.float64(0.5) * ropes.wheel_radius[p] * state.wheels[w, p].wrap
+    return wp.float64(0.5) * on_wheel(ropes, state, w, p)
 
 
 @wp.func
@@ -47,6 +48,14 @@ def speed_of(ropes: Ropes, state: RopeState, v: wp.array2d[wp.vec3d], w: int, r:
     if element >= 0:
         return v[w, ropes.first_node[r] + element]
     return state.wheels[w, ropes.first_wheel[r] - 1 - element].velocity
+
+
+@wp.func
+def turning_mobility(ropes: Ropes, state: RopeState, w: int, r: int, element: int) -> wp.float64:
+    """Speed of the rope past a wheel per impulse along it [1/kg], 0 for a node."""
+    if element >= 0:
+        return wp.float64(0.0)
+    return state.wheels[w, ropes.first_wheel[r] - 1 - element].inverse_mass
 
 
 @wp.kernel
@@ -102,7 +111,9 @@ def prepare_links(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) ->
         if a < 0 or b < 0:
             elongation += half_arc(ropes, state, w, r, a) + half_arc(ropes, state, w, r, b)
         spring = stiffness / wp.max(rest, shortest)
-        z = h * h * spring * (ka + kb)
+        # The flow over a wheel next to it swings a link too, the faster the less rope lies on the wheel.
+        flow = turning_mobility(ropes, state, w, r, a) + turning_mobility(ropes, state, w, r, b)
+        z = h * h * spring * (ka + kb + flow)
         stiff = z / (wp.float64(4.0) + z)
         beta = one / wp.float64(12.0) + stiff * wp.float64(11.0 / 12.0)
         past = state.elongation[w, first + k]

@@ -4,7 +4,8 @@ The arc of rope that lies on a wheel has no nodes: its mass turns with the wheel
 its weight drives it, and half of its length belongs to each of the two links next to the wheel. In these the rope
 flows at the wheel's speed, so that their rest lengths change while their sum does not. A node that reaches the tangent
 point goes on at the other one and the links swap: rest lengths add up exactly as before, and energy changes by
-the square of the difference in strain between two neighbouring links.
+the square of the difference in strain between two neighbouring links. A rope that has come off its wheel, its wrap
+fallen to zero, runs straight by, without friction, until it lies on it again.
 """
 
 import warp as wp
@@ -18,7 +19,10 @@ wp.set_module_options(OPTIONS)
 
 SKIPPED = wp.constant(wp.float64(0.125))  # mean length that a node skips on each side of a wheel, over a segment's
 NEAREST = wp.constant(wp.float64(0.1))  # distance from a wheel at which a node passes it, over a segment's
-LEAST_INERTIA = wp.constant(wp.float64(1.0e-3))  # of a wheel, over a segment's mass
+# Least mass of rope that moves with a wheel, over a segment's: that whose weight acts there. A lighter one would be
+# thrown about by this weight where the rope is slack.
+LEAST_INERTIA = wp.constant(wp.float64(0.25))
+NEAR_ENDS = wp.constant(wp.float64(0.05))  # part of a straight line next to its ends, that no wheel divides it in
 
 
 @wp.func
@@ -105,7 +109,10 @@ def place_wheels(
             radial_out = touch(wheel.centre, wheel.axis, radius, end, wp.float64(-1.0))
             advance_in = turned_by(wheel.axis, wheel.radial_in, radial_in)
             advance_out = turned_by(wheel.axis, wheel.radial_out, radial_out)
+            was_off = state.wheels[w, p].wrap <= wp.float64(0.0)
             wheel.wrap = wheel.wrap + advance_out - advance_in
+            if was_off and wheel.wrap > wp.float64(0.0):
+                wheel.speed = wheel.speed * caught(ropes, w, r, p)
             # The middle of the arc divides it between two links: where it moves on, so does the division.
             passed = wp.float64(0.5) * (advance_in + advance_out) * radius
             state.rest[w, k] = state.rest[w, k] + passed
@@ -114,6 +121,11 @@ def place_wheels(
             wheel.radial_out = radial_out
             wheel.arrives = wheel.centre + radial_in * radius
             wheel.leaves = wheel.centre + radial_out * radius
+            if wheel.wrap <= wp.float64(0.0):
+                span = end - begin
+                part = wp.dot(wheel.centre - begin, span) / wp.max(wp.length_sq(span), wp.float64(1.0e-24))
+                wheel.arrives = begin + span * wp.clamp(part, NEAR_ENDS, wp.float64(1.0) - NEAR_ENDS)
+                wheel.leaves = wheel.arrives
         else:
             wheel.arrives = wheel.centre
             wheel.leaves = wheel.centre
@@ -147,7 +159,6 @@ def turn_wheel(
     zero = wp.float64(0.0)
     one = wp.float64(1.0)
     radius = ropes.wheel_radius[p]
-    density = ropes.linear_density[w % ropes.linear_density.shape[0], r]
     mode = state.wheels[w, p].mode
     state.wheels[w, p].weight_in = one
     state.wheels[w, p].weight_out = one
@@ -155,10 +166,10 @@ def turn_wheel(
         state.wheels[w, p].inverse_mass = zero
         state.wheels[w, p].drive = zero
         return
-    mass = density * wp.max(radius * state.wheels[w, p].wrap, LEAST_INERTIA * ropes.segment_length[r])
+    mass = moved_mass(ropes, state, w, r, p)
     force = hidden_weight(ropes, state, gravity, w, r, p)
     damping = zero
-    if slides(ropes, p):
+    if slides(ropes, p) or is_off(ropes, state, w, p):
         ratio = belt_ratio(ropes, state, w, p)
         if mode > 0:
             state.wheels[w, p].weight_in = ratio
@@ -180,6 +191,36 @@ def hidden_weight(ropes: Ropes, state: RopeState, gravity: wp.array[wp.vec3d], w
     drop = state.wheels[w, p].leaves - state.wheels[w, p].arrives + skipped
     density = ropes.linear_density[w % ropes.linear_density.shape[0], r]
     return density * wp.dot(gravity[w % gravity.shape[0]], drop)
+
+
+@wp.func
+def on_wheel(ropes: Ropes, state: RopeState, w: int, p: int) -> wp.float64:
+    """Length of rope that lies on a wheel, 0 where the rope has come off it [m]."""
+    return ropes.wheel_radius[p] * wp.max(state.wheels[w, p].wrap, wp.float64(0.0))
+
+
+@wp.func
+def is_off(ropes: Ropes, state: RopeState, w: int, p: int) -> bool:
+    """Check whether the rope has come off its wheel."""
+    return ropes.wheel_radius[p] > wp.float64(0.0) and state.wheels[w, p].wrap <= wp.float64(0.0)
+
+
+@wp.func
+def moved_mass(ropes: Ropes, state: RopeState, w: int, r: int, p: int) -> wp.float64:
+    """Mass of the rope that moves with a wheel [kg]."""
+    density = ropes.linear_density[w % ropes.linear_density.shape[0], r]
+    return density * wp.max(on_wheel(ropes, state, w, p), LEAST_INERTIA * ropes.segment_length[r])
+
+
+@wp.func
+def caught(ropes: Ropes, w: int, r: int, p: int) -> wp.float64:
+    """Share of its speed that a rope keeps as it comes back on a wheel, which stands still."""
+    if slides(ropes, p):
+        return wp.float64(1.0)
+    radius = ropes.wheel_radius[p]
+    density = ropes.linear_density[w % ropes.linear_density.shape[0], r]
+    mass = density * LEAST_INERTIA * ropes.segment_length[r]
+    return mass / (mass + ropes.wheel_inertia[w % ropes.wheel_inertia.shape[0], p] / (radius * radius))
 
 
 @wp.func
@@ -211,22 +252,23 @@ def judge_wheel(
     after = state.tension[w, k + 1] + state.change[w, k + 1]
     mode = state.wheels[w, p].mode
     zero = wp.float64(0.0)
-    density = ropes.linear_density[w % ropes.linear_density.shape[0], r]
     wheel = state.wheels[w, p]
-    is_belt = slides(ropes, p)
+    off = is_off(ropes, state, w, p)
+    is_belt = slides(ropes, p) or off
     if mode != 0:
         resists = False
         if is_belt:
             resists = ropes.wheel_friction[w % ropes.wheel_friction.shape[0], p] > zero
         else:
             resists = dry_force(ropes, w, p) > zero
+        resists = resists and not off
         speed = wheel.drive + h * wheel.inverse_mass * (wheel.weight_out * after - wheel.weight_in * before)
         if (resists and wp.float64(mode) * speed < zero) or wp.float64(wheel.blocked) * speed > zero:
             state.wheels[w, p].mode = 0
             turn_wheel(ropes, state, gravity, w, r, p, h)
             return 1
         return 0
-    mass = density * wp.max(ropes.wheel_radius[p] * wheel.wrap, LEAST_INERTIA * ropes.segment_length[r])
+    mass = moved_mass(ropes, state, w, r, p)
     force = hidden_weight(ropes, state, gravity, w, r, p)
     least = zero  # excess of the pull over the resistance, one way and the other
     if is_belt:

@@ -59,3 +59,21 @@ def test_two_wheels_on_one_segment_are_refused_with_the_number_that_would_do() -
     ]
     with pytest.raises(ValueError, match=r"two of its pulleys .* give it at least \d+ segments"):
         mesh(world(cord, pulleys=wheels))
+
+
+def test_a_rope_that_would_run_through_itself_is_refused_with_the_pulley_to_turn() -> None:
+    cord = rope([[-0.6, 0, 0.5], [-0.2, 0, 1.0], [0.2, 0, 1.0], [0.6, 0, 0.5]], 40)
+
+    def over(*senses: bool) -> World:
+        places = ((-0.4, 1.5), (0.0, 0.8), (0.4, 1.5))
+        wheels = [
+            {"name": f"p{k}", "rope": "rope", "centre": [x, 0, z], "radius": 0.1, "after": k, "turns_positive": sense}
+            for k, ((x, z), sense) in enumerate(zip(places, senses, strict=True))
+        ]
+        return world(cord, pulleys=wheels)
+
+    assert len(mesh(over(True, False, True)).nodes) == 41
+    with pytest.raises(ValueError, match=r"runs through itself at .* 311 degrees on pulley 'p1'.*turns_positive"):
+        mesh(over(True, True, True))
+    with pytest.raises(ValueError, match="pulley 'p0'"):
+        mesh(over(False, False, True))
