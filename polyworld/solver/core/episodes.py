@@ -119,6 +119,7 @@ class ContactLog:
         self.record.seen = buffers.zeros(pairs if record else (1, 1, 1), wp.float64)
         self._open, self._count = buffers.Mirror(self.record.open), buffers.Mirror(self.record.count)
         self._first, self._room = buffers.Mirror(self.record.first), buffers.Mirror(self.record.room)
+        self._kept = buffers.Mirror(self.record.episodes)
 
     def saved(self) -> dict[str, NDArray[Any]]:
         """Return the episodes of the only world so far, and which are open."""
@@ -126,7 +127,7 @@ class ContactLog:
         return {
             "log.open": self._open.pull().copy(),
             "log.seen": buffers.read(self.record.seen).copy(),
-            "log.episodes": buffers.read(self.record.episodes)[first : first + count].copy(),
+            "log.episodes": self._kept.pull()[first : first + count].copy(),
         }
 
     def restore(self, saved: Mapping[str, NDArray[Any]]) -> None:
@@ -159,7 +160,8 @@ class ContactLog:
 
     def grow(self, worlds: Ints) -> None:
         """Make room for as many contacts as began in these worlds; their log is to be recorded again."""
-        self._enlarge(worlds, np.minimum(self._count.pull()[worlds], MOST_EPISODES))
+        if len(worlds):
+            self._enlarge(worlds, np.minimum(self._count.pull()[worlds], MOST_EPISODES))
 
     def reserve(self, more: int) -> bool:
         """Make room for `more` contacts than began so far, up to MOST_EPISODES; return whether arrays were replaced."""
@@ -186,7 +188,7 @@ class ContactLog:
         for w, end, size in zip(worlds, ends, sizes, strict=True):
             count = int(min(self._count.values[w], self._room.values[w]))
             buffers.copy(old, longer, int(self._first.values[w]), int(end - size), count)
-        self.record.episodes = longer
+        self.record.episodes, self._kept = longer, buffers.Mirror(longer)
         self._first.values[worlds] = ends - sizes
         self._room.values[worlds] = sizes
         self._first.push()
@@ -199,8 +201,7 @@ class ContactLog:
         room = int(self._room.values[w])
         if self._count.pull()[w] <= room:
             return None
-        last = int(self._first.values[w]) + room - 1
-        return float(buffers.read(self.record.episodes[last : last + 1])[0]["begin"])
+        return float(self._kept.pull()[self._first.values[w] + room - 1]["begin"])
 
     def events(self, w: int, end: float, place: Callable[[Any], Array] | None = None) -> tuple[Event, ...]:
         """Return the contact events of world w in order of time; a contact that lasts to `end` [s] has no end.
@@ -212,7 +213,7 @@ class ContactLog:
             return ()
         first, count = int(self._first.values[w]), int(min(self._count.pull()[w], self._room.values[w]))
         found = []
-        for e in buffers.read(self.record.episodes[first : first + count] if count else self.record.episodes)[:count]:
+        for e in self._kept.pull()[first : first + count]:
             pair = tuple(sorted((self._names[e["a"]], self._others[e["b"]])))
             x, y, z = (float(v) for v in (e["position"] if place is None else place(e)))
             begin, last = float(e["begin"]), float(e["last"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -210,9 +211,12 @@ class RigidSimulator(ABC):
     def _short_of_room(self, worlds: int) -> Ints:
         """Make more room for what did not fit, and return the worlds (k,) to run again with it."""
         full: Ints = np.flatnonzero(self._overflowed.values[:worlds] > 0)
+        short = self._log.short()
+        if not (len(full) or len(short)):
+            return full
         if len(full) and not self._enlarge():
             full = full[:0]
-        short = np.setdiff1d(self._log.short(), full)
+        short = np.setdiff1d(short, full)
         self._log.grow(short)
         again: Ints = np.union1d(full, short)
         self._log.clear(again)
@@ -315,8 +319,9 @@ class RigidSimulator(ABC):
 
         def piece(index: int) -> None:
             own = worlds[edges[index] : edges[index + 1]]
-            for run in np.split(own, np.flatnonzero(np.diff(own) > 1) + 1):
-                buffers.launch(kernel, len(run), self._inputs(int(run[0]), index))
+            gaps = np.flatnonzero(own[1:] - own[:-1] > 1) + 1
+            for first, last in itertools.pairwise((0, *gaps.tolist(), len(own))):
+                buffers.launch(kernel, last - first, self._inputs(int(own[first]), index))
 
         buffers.load_kernel(kernel)
         try:
