@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.model import DeformableMesh
+from polyworld.solver.coupled import attachment_jointed as jointed
 from polyworld.solver.coupled import attachment_kernels as kernels
 from polyworld.solver.coupled import attachment_layout as layout
 from polyworld.solver.coupled.attachment_targets import Held, held_by_rope_stage, held_nodes, nearest_on
+from polyworld.solver.coupled.contact_bodies import CarriedBodies
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.trajectory import Event
 from polyworld.world import World
@@ -24,12 +26,18 @@ class Attachments:
     """The attachments of W worlds, but for those of a rope's end to a rigid body, which the rope's solver holds."""
 
     def __init__(
-        self, world: World, meshes: dict[str, DeformableMesh], first: dict[str, int], nodes: Nodes, bodies: Any
+        self,
+        world: World,
+        meshes: dict[str, DeformableMesh],
+        first: dict[str, int],
+        nodes: Nodes,
+        carried: CarriedBodies | None,
     ) -> None:
-        """first: the row of each object's first node. bodies: (W, B) of rigid bodies, or None."""
+        """first: the row of each object's first node. carried: the world's bodies, None where it has none."""
         self.world = world
         self.attachments = world.attachments
-        self._bodies = bodies
+        self._bodies: Any = None if carried is None else carried.bodies
+        self._mechanisms: Any = None if carried is None else carried.mechanisms
         self._w = nodes.x.shape[0]
         self._names = [o.name for o in world.objects]
         to_world, to_nodes = Held(), Held()
@@ -57,6 +65,9 @@ class Attachments:
         self._motion = self._motions()
         self._on_world = _on_world(to_world, self._w)
         self._on_bodies = _on_bodies(on_bodies, self._w)
+        self._on_jointed = carried is not None and any(
+            buffers.read(carried.mechanisms.first)[b] >= 0 for b in on_bodies
+        )
         self._on_nodes = _on_nodes(to_nodes, self._w)
 
     def _fastenings(self) -> layout.Fastenings:
@@ -149,8 +160,10 @@ class Attachments:
         """Launch the impulses of the inner step before, which the next solution starts from."""
         if self._on_bodies.body.shape[0]:
             dim = (self._w, self._on_bodies.body.shape[0])
-            inputs = [clock, nodes, self._bodies, self._on_bodies, self.fastenings]
+            inputs = [clock, nodes, self._bodies, self._mechanisms, self._on_bodies, self.fastenings]
             buffers.launch(kernels.push_on_bodies, dim, inputs)
+            if self._on_jointed:
+                buffers.launch(jointed.push_on_jointed, self._w, inputs)
         if self._on_nodes.node.shape[0]:
             buffers.launch(kernels.push_on_nodes, self._w, [clock, nodes, self._on_nodes, self.fastenings])
 
@@ -159,7 +172,10 @@ class Attachments:
         f = self.fastenings
         if self._on_bodies.body.shape[0]:
             dim = (self._w, self._on_bodies.body.shape[0])
-            buffers.launch(kernels.hold_to_bodies, dim, [clock, nodes, self._bodies, self._on_bodies, f])
+            inputs = [clock, nodes, self._bodies, self._mechanisms, self._on_bodies, f]
+            buffers.launch(kernels.hold_to_bodies, dim, inputs)
+            if self._on_jointed:
+                buffers.launch(jointed.hold_to_jointed, self._w, inputs)
         if self._on_nodes.node.shape[0]:
             buffers.launch(kernels.hold_to_nodes, self._w, [clock, nodes, self._on_nodes, f])
         if self._on_world.node.shape[0]:

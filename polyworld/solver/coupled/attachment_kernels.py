@@ -3,6 +3,7 @@
 import warp as wp
 
 from polyworld.solver.coupled.attachment_layout import Fastenings, Motion, OnBodies, OnNodes, OnWorld
+from polyworld.solver.coupled.mechanism import Mechanisms
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.spatial.layout import OPTIONS, Body
 
@@ -114,11 +115,16 @@ def inertia_of(arm: wp.vec3d, mass: wp.float64) -> wp.mat33d:
 
 
 @wp.kernel
-def push_on_bodies(clock: Clock, nodes: Nodes, bodies: wp.array2d[Body], held: OnBodies, f: Fastenings) -> None:
-    """Nodes and bodies push each other as in the inner step before, so that damping sees what is held at rest."""
+def push_on_bodies(
+    clock: Clock, nodes: Nodes, bodies: wp.array2d[Body], m: Mechanisms, held: OnBodies, f: Fastenings
+) -> None:
+    """Nodes and bodies push each other as in the inner step before, so that damping sees what is held at rest.
+
+    Bodies on joints are left to `attachment_jointed`.
+    """
     w, g = wp.tid()
     b = held.body[g]
-    if clock.dt[w] <= wp.float64(0.0) or bodies[w, b].active == 0:
+    if clock.dt[w] <= wp.float64(0.0) or bodies[w, b].active == 0 or m.first[b] >= 0:
         return
     rotation = bodies[w, b].rotation
     ease = rotation * bodies[w, b].inverse_inertia * wp.transpose(rotation) * bodies[w, b].inverse_mass
@@ -154,16 +160,18 @@ def push_on_nodes(clock: Clock, nodes: Nodes, held: OnNodes, f: Fastenings) -> N
 
 
 @wp.kernel
-def hold_to_bodies(clock: Clock, nodes: Nodes, bodies: wp.array2d[Body], held: OnBodies, f: Fastenings) -> None:
+def hold_to_bodies(
+    clock: Clock, nodes: Nodes, bodies: wp.array2d[Body], mechanisms: Mechanisms, held: OnBodies, f: Fastenings
+) -> None:
     """Move a body and the nodes held to it as one rigid body, with their total linear and angular momentum.
 
     That is the exact solution of all the fastenings at once. Nodes off their targets approach them meanwhile, and
-    the momentum of that is taken from the others.
+    the momentum of that is taken from the others. Bodies on joints are left to `attachment_jointed`.
     """
     w, g = wp.tid()
     t = clock.dt[w]
     b = held.body[g]
-    if t <= wp.float64(0.0) or bodies[w, b].active == 0:
+    if t <= wp.float64(0.0) or bodies[w, b].active == 0 or mechanisms.first[b] >= 0:
         return
     centre = bodies[w, b].x
     rotation = bodies[w, b].rotation

@@ -26,6 +26,7 @@ from polyworld.solver.coupled.contact_search import (
     search_nodes,
 )
 from polyworld.solver.coupled.contact_solve import push_on, solve_contacts
+from polyworld.solver.coupled.mechanism import build_mechanisms
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
 from polyworld.solver.coupled.surface import SurfacePairs
 from polyworld.solver.spatial.stepper import RigidStepper
@@ -62,6 +63,7 @@ class Contacts:
         if carried is None or rigid is None:
             self.obstacles = no_obstacles(w)
             self._carried = carried_arrays((w, 1))
+            self._carried.mechanisms = build_mechanisms(world, 1, w)
             excluded = buffers.zeros((n, 1), wp.int32)
         else:
             self.obstacles = build_obstacles(rigid.geometry, carried.bodies)

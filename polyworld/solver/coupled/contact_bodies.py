@@ -11,10 +11,14 @@ from typing import Any
 import warp as wp
 
 from polyworld.core import buffers
+from polyworld.effects.law import wrench
+from polyworld.solver.coupled.mechanism import Mechanisms, build_mechanisms, reset_mechanisms
 from polyworld.solver.coupled.nodes import Clock
 from polyworld.solver.spatial.constraints import world_inverse_inertia
 from polyworld.solver.spatial.layout import OPTIONS, Body
 from polyworld.solver.spatial.motion import rotated
+from polyworld.solver.spatial.stepper import RigidStepper
+from polyworld.world import World
 
 wp.set_module_options(OPTIONS)
 
@@ -29,7 +33,8 @@ class Carried:
     x, q, v, w: kept state. acceleration, turning: of all but the nodes. last, last_turning: what the step before
     showed beyond gravity. before, before_turning: velocities when the inner step began. inverse_inertia: world axes.
     h (W,): length of the step before. seen: 1 once it moved. flying: 0 while it rests on
-    something rigid.
+    something rigid. gained, gained_turning: velocities of jointed bodies by the nodes' push in the step before.
+    mechanisms: what joints hold together.
     """
 
     x: wp.array2d[wp.vec3d]
@@ -46,6 +51,9 @@ class Carried:
     seen: wp.array2d[wp.int32]
     flying: wp.array2d[wp.int32]
     h: wp.array[wp.float64]
+    gained: wp.array2d[wp.vec3d]
+    gained_turning: wp.array2d[wp.vec3d]
+    mechanisms: Mechanisms
 
 
 @wp.func
@@ -53,6 +61,16 @@ def shorter(a: wp.vec3d, b: wp.vec3d) -> wp.vec3d:
     if wp.length_sq(a) < wp.length_sq(b):
         return a
     return b
+
+
+@wp.func
+def fall_on_joints(m: Mechanisms, bodies: wp.array2d[Body], pull: wp.vec3d, w: int, i: int) -> wp.spatial_vectord:
+    """Accelerations of jointed body i by the weight of its group."""
+    found = wp.spatial_vectord()
+    for e in range(m.first[i], m.first[i] + m.count[i]):
+        weight = pull * bodies[w, m.member[e]].mass
+        found = found + wp.transpose(m.response[w, e]) * wrench(weight, wp.vec3d())
+    return found
 
 
 @wp.kernel
@@ -68,15 +86,27 @@ def begin_step(clock: Clock, objects: int, bodies: wp.array2d[Body], carried: Ca
     if i >= objects:
         return
     pull = clock.gravity[w % clock.gravity.shape[0]]
-    carried.acceleration[w, i] = pull
-    carried.turning[w, i] = wp.vec3d()
+    fall = pull
+    turning = wp.vec3d()
+    jointed = carried.mechanisms.first[i] >= 0
+    if jointed:
+        falling = fall_on_joints(carried.mechanisms, bodies, pull, w, i)
+        fall = wp.spatial_top(falling)
+        turning = wp.spatial_bottom(falling)
+    carried.acceleration[w, i] = fall
+    carried.turning[w, i] = turning
     if carried.seen[w, i] == 1 and carried.h[w] > wp.float64(0.0):
         rate = wp.float64(1.0) / carried.h[w]
-        other = (b.v - carried.v[w, i]) * rate - b.push * b.inverse_mass - pull
-        carried.acceleration[w, i] = pull + shorter(other, carried.last[w, i])
+        pushed = b.push * b.inverse_mass
+        pushed_turning = carried.inverse_inertia[w, i] * b.push_torque
+        if jointed:
+            pushed = carried.gained[w, i] * rate
+            pushed_turning = carried.gained_turning[w, i] * rate + turning
+        other = (b.v - carried.v[w, i]) * rate - pushed - fall
+        carried.acceleration[w, i] = fall + shorter(other, carried.last[w, i])
         carried.last[w, i] = other
-        other = (b.w - carried.w[w, i]) * rate - carried.inverse_inertia[w, i] * b.push_torque
-        carried.turning[w, i] = shorter(other, carried.last_turning[w, i])
+        other = (b.w - carried.w[w, i]) * rate - pushed_turning
+        carried.turning[w, i] = turning + shorter(other, carried.last_turning[w, i])
         carried.last_turning[w, i] = other
         most = LIGHT * wp.length(pull)
         if carried.flying[w, i] == 1:
@@ -156,16 +186,23 @@ def put_back_bodies(clock: Clock, objects: int, bodies: wp.array2d[Body], carrie
     b.v = carried.v[w, i]
     b.w = carried.w[w, i]
     b.rotation = wp.quat_to_matrix(b.q)
-    inertia = b.rotation * b.inertia * wp.transpose(b.rotation)
-    b.push = gained * (b.mass / clock.h[w])
-    b.push_torque = (inertia * turned_by) * (b.mass / clock.h[w])
+    if carried.mechanisms.first[i] >= 0:  # without what the joints gave, which the rigid step finds
+        b.push = carried.mechanisms.impulse[w, i] / clock.h[w]
+        b.push_torque = carried.mechanisms.angular_impulse[w, i] / clock.h[w]
+        carried.gained[w, i] = gained
+        carried.gained_turning[w, i] = turned_by
+    else:
+        inertia = b.rotation * b.inertia * wp.transpose(b.rotation)
+        b.push = gained * (b.mass / clock.h[w])
+        b.push_torque = (inertia * turned_by) * (b.mass / clock.h[w])
     bodies[w, i] = b
 
 
 def carried_arrays(shape: tuple[int, int]) -> Carried:
     """Return the arrays of W x B bodies."""
     carried = Carried()
-    for name in ("x", "v", "w", "acceleration", "turning", "last", "last_turning", "before", "before_turning"):
+    vectors = ("x", "v", "w", "acceleration", "turning", "last", "last_turning", "before", "before_turning")
+    for name in (*vectors, "gained", "gained_turning"):
         setattr(carried, name, buffers.zeros(shape, wp.vec3d))
     carried.q = buffers.zeros(shape, wp.quatd)
     carried.inverse_inertia = buffers.zeros(shape, wp.mat33d)
@@ -178,10 +215,15 @@ def carried_arrays(shape: tuple[int, int]) -> Carried:
 class CarriedBodies:
     """The bodies of a RigidStepper while nodes push them."""
 
-    def __init__(self, bodies: Any, objects: int) -> None:
-        self.bodies = bodies
-        self.objects = objects
-        self.carried = carried_arrays(bodies.shape)
+    def __init__(self, world: World, rigid: RigidStepper) -> None:
+        self.bodies = rigid.bodies
+        self.objects = len(world.objects)
+        self.carried = carried_arrays(self.bodies.shape)
+        w, count = self.bodies.shape
+        self.mechanisms: Any = build_mechanisms(world, count, w)
+        self.carried.mechanisms = self.mechanisms
+        self._rigid = rigid
+        self._along: Any = buffers.zeros((w, count), wp.spatial_vectord)
 
     def reset(self) -> None:
         """Forget the steps of the last run."""
@@ -197,9 +239,15 @@ class CarriedBodies:
             "h",
         ):
             buffers.write(getattr(self.carried, name), 0)
+        reset_mechanisms(self.mechanisms)
 
     def launch_begin(self, clock: Clock) -> None:
         """Launch what opens a coupling step."""
+        if self.mechanisms.member.shape[0]:
+            from polyworld.solver.coupled.mechanism_response import find_responses
+
+            inputs = [clock, self._rigid.system, self.mechanisms, self._along]
+            buffers.launch(find_responses, self.bodies.shape[0], inputs)
         self._launch(begin_step, [clock, self.objects, self.bodies, self.carried])
         buffers.launch(note_length, self.bodies.shape[0], [clock, self.carried])
 

@@ -20,6 +20,7 @@ from polyworld.solver.coupled.contact_layout import (
     Tally,
 )
 from polyworld.solver.coupled.contact_shapes import FAR, shape_distance, triangle_distance
+from polyworld.solver.coupled.mechanism import point_response, push_mechanism
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.spatial.layout import OPTIONS, PLANE, Body
 from polyworld.solver.spatial.manifold import tangent
@@ -176,7 +177,7 @@ def push(
     c: Contact,
     impulse: wp.vec3d,
     inverse_mass: wp.array2d[wp.float64],
-    inverse_inertia: wp.array2d[wp.mat33d],
+    carried: Carried,
     bodies: wp.array2d[Body],
     v: wp.array2d[wp.vec3d],
     w: int,
@@ -190,8 +191,11 @@ def push(
     if c.weight[3] != wp.float64(0.0):
         v[w, c.n3] += impulse * (c.weight[3] * inverse_mass[r, c.n3])
     if c.body >= 0 and bodies[w, c.body].inverse_mass > wp.float64(0.0):
+        if carried.mechanisms.first[c.body] >= 0:
+            push_mechanism(carried.mechanisms, bodies, w, c.body, -impulse, wp.cross(impulse, c.arm))
+            return
         bodies[w, c.body].v -= impulse * bodies[w, c.body].inverse_mass
-        bodies[w, c.body].w -= inverse_inertia[w, c.body] * wp.cross(c.arm, impulse)
+        bodies[w, c.body].w -= carried.inverse_inertia[w, c.body] * wp.cross(c.arm, impulse)
 
 
 @wp.func
@@ -210,7 +214,7 @@ def node_mobility(c: Contact, inverse_mass: wp.array2d[wp.float64], w: int) -> w
 def weigh(
     c: Contact,
     inverse_mass: wp.array2d[wp.float64],
-    inverse_inertia: wp.array2d[wp.mat33d],
+    carried: Carried,
     bodies: wp.array2d[Body],
     w: int,
 ) -> Contact:
@@ -222,12 +226,20 @@ def weigh(
     c.k11 = k
     c.k22 = k
     if c.body >= 0 and bodies[w, c.body].inverse_mass > wp.float64(0.0):
-        k += bodies[w, c.body].inverse_mass
         t2 = wp.cross(c.normal, c.t1)
+        if carried.mechanisms.first[c.body] >= 0:
+            yielding = point_response(carried.mechanisms, w, c.body, c.arm)
+            c.k = k + wp.dot(c.normal, yielding * c.normal)
+            along = yielding * c.t1
+            c.k11 = k + wp.dot(c.t1, along)
+            c.k12 = wp.dot(t2, along)
+            c.k22 = k + wp.dot(t2, yielding * t2)
+            return c
+        k += bodies[w, c.body].inverse_mass
         jn = wp.cross(c.arm, c.normal)
         j1 = wp.cross(c.arm, c.t1)
         j2 = wp.cross(c.arm, t2)
-        inertia = inverse_inertia[w, c.body]
+        inertia = carried.inverse_inertia[w, c.body]
         c.k = k + wp.dot(jn, inertia * jn)
         turned = inertia * j1
         c.k11 = k + wp.dot(j1, turned)
@@ -252,7 +264,7 @@ def solve(
     count: int,
     sweeps: int,
     inverse_mass: wp.array2d[wp.float64],
-    inverse_inertia: wp.array2d[wp.mat33d],
+    carried: Carried,
     bodies: wp.array2d[Body],
     v: wp.array2d[wp.vec3d],
     w: int,
@@ -269,7 +281,7 @@ def solve(
             worst = wp.max(worst, wp.abs(normal - before) * c.k)
             if c.step_friction > wp.float64(0.0) and (normal > wp.float64(0.0) or before > wp.float64(0.0)):
                 if c.body >= 0:
-                    push(c, change, inverse_mass, inverse_inertia, bodies, v, w)
+                    push(c, change, inverse_mass, carried, bodies, v, w)
                     u = relative_velocity(c, bodies, v, w)
                     change = wp.vec3d()
                 tangential = tangential_impulse(c, u, c.step_friction * normal)
@@ -278,7 +290,7 @@ def solve(
                 found.contacts[w, found.acting[w, a]].tangential = tangential
                 change += slip
             found.contacts[w, found.acting[w, a]].impulse = normal
-            push(c, change, inverse_mass, inverse_inertia, bodies, v, w)
+            push(c, change, inverse_mass, carried, bodies, v, w)
         if worst < CONVERGED:
             break
 
@@ -377,7 +389,7 @@ def act(
         c.wait = wp.int32(WAIT * c.gap / ((wp.length(u) + LEAST_SPEED) * dt))
         c.gap = FAR
         return c
-    c = weigh(c, nodes.inverse_mass, carried.inverse_inertia, bodies, w)
+    c = weigh(c, nodes.inverse_mass, carried, bodies, w)
     if c.k <= zero:
         c.gap = FAR
         return c
@@ -412,7 +424,7 @@ def push_on(clock: Clock, nodes: Nodes, bodies: wp.array2d[Body], carried: Carri
             c = found.contacts[w, k]
             c.given = c.normal * c.impulse + c.tangential
             found.contacts[w, k].given = c.given
-            push(c, c.given, nodes.inverse_mass, carried.inverse_inertia, bodies, nodes.v, w)
+            push(c, c.given, nodes.inverse_mass, carried, bodies, nodes.v, w)
 
 
 @wp.kernel
@@ -447,7 +459,7 @@ def solve_contacts(
             last = c.n0
         else:
             if c.impulse > zero:
-                push(c, -c.given, nodes.inverse_mass, carried.inverse_inertia, obstacles.bodies, nodes.v, w)
+                push(c, -c.given, nodes.inverse_mass, carried, obstacles.bodies, nodes.v, w)
             c.impulse = zero
             c.tangential = wp.vec3d()
         found.contacts[w, k] = c
@@ -457,8 +469,8 @@ def solve_contacts(
         if found.contacts[w, found.acting[w, a]].impulse > zero:
             c = found.contacts[w, found.acting[w, a]]
             lack = c.normal * c.impulse + c.tangential - c.given
-            push(c, lack, nodes.inverse_mass, carried.inverse_inertia, obstacles.bodies, nodes.v, w)
-    solve(found, count, sweeps, nodes.inverse_mass, carried.inverse_inertia, obstacles.bodies, nodes.v, w)
+            push(c, lack, nodes.inverse_mass, carried, obstacles.bodies, nodes.v, w)
+    solve(found, count, sweeps, nodes.inverse_mass, carried, obstacles.bodies, nodes.v, w)
     now = clock.time[w] + wp.float64(clock.inner[0]) * dt
     for a in range(count):
         k = found.acting[w, a]

@@ -27,7 +27,7 @@ def load_kernels(world: World) -> None:
         packages.insert(0, "polyworld.solver.coupled")
     unneeded = {"twist"} if all(getattr(d, "twist_stiffness", 0.0) == 0.0 for d in world.deformables) else set()
     if not world.attachments:
-        unneeded |= {"attachment_kernels", "attachment_ropes"}
+        unneeded |= {"attachment_kernels", "attachment_jointed", "attachment_ropes"}
     if "rope" not in materials:
         unneeded |= {"attachment_ropes"}
     if fluids_alone:
@@ -36,6 +36,8 @@ def load_kernels(world: World) -> None:
         unneeded |= {"sources"}
     if not (world.objects or world.statics):
         unneeded |= {"bodies"}
+    if not world.joints:
+        unneeded |= {"mechanism_response", "attachment_jointed"}
     if not world.effects:
         unneeded |= {"mass_effects"}
     representations = {d.representation for d in world.deformables}

@@ -27,6 +27,7 @@ from polyworld.solver.coupled.contact_bodies import CarriedBodies
 from polyworld.solver.coupled.kernels import load_kernels
 from polyworld.solver.coupled.mass_effects import MassEffects
 from polyworld.solver.coupled.nodes import Fields, parameter_row
+from polyworld.solver.coupled.stage import HeldByBodies
 from polyworld.trajectory import Event, Truncation
 from polyworld.world.materials import material_of
 
@@ -74,7 +75,7 @@ class Shard:
         self.fluid = fluid_of(world, n_worlds, float(table.end[-1]))
         if self.fluid is not None:
             self.fluid.bind(bodies, self.nodes, self.first)
-        self.attachments = Attachments(world, meshes, self.first, self.nodes, bodies)
+        self.attachments = Attachments(world, meshes, self.first, self.nodes, self.carried)
         self.contacts = Contacts(
             world, meshes, self.first, self.nodes, self.carried, self.rigid, record_events=record_events
         )
@@ -90,9 +91,11 @@ class Shard:
 
         self.rigid = RigidStepper(self.model, self.n_worlds, record_events=self.record_events)
         bodies = self.rigid.bodies
-        self.carried = CarriedBodies(bodies, len(self.world.objects))
+        self.carried = CarriedBodies(self.world, self.rigid)
         for stage in self.stages:
             stage.bind(bodies)
+            if isinstance(stage, HeldByBodies):
+                stage.bind_mechanisms(self.carried.mechanisms)
 
     # --- one run -------------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.solver.coupled.mechanism import Mechanisms
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
 
 Array = NDArray[np.float64]
@@ -49,6 +50,15 @@ class MaterialStage(Protocol):
 
     def quantities(self, nodes: Nodes) -> dict[str, dict[str, Array]]:
         """Object name -> readable quantity (`tension`, `strain`, ...) -> values (W, m) at this moment, SI."""
+        ...
+
+
+@runtime_checkable
+class HeldByBodies(Protocol):
+    """A stage that pushes rigid bodies by itself."""
+
+    def bind_mechanisms(self, mechanisms: Mechanisms) -> None:
+        """Take how jointed bodies yield, together with `MaterialStage.bind`."""
         ...
 
 

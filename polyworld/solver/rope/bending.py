@@ -149,4 +149,4 @@ def bend_clamped_ends(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState
         nodes.f[w, i] = nodes.f[w, i] - force
         nodes.f[w, j] = nodes.f[w, j] + force
         if b >= 0:
-            twist_body(state.bodies, w, b, wp.cross(t, force) * (-length * h))
+            twist_body(state.mechanisms, state.bodies, w, b, wp.cross(t, force) * (-length * h))

@@ -176,7 +176,9 @@ def bend_curved(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> N
         kb = binormal(held, state.direction[w, first]) * (half * moment)
         push_edge(nodes.f, w, base, -kb / wp.max(wp.length(x[w, base + 1] - x[w, base]), shortest))
         if ropes.end_body[r, 0] >= 0:
-            twist_body(state.bodies, w, ropes.end_body[r, 0], (held * moment - wp.cross(held, kb)) * h)
+            twist_body(
+                state.mechanisms, state.bodies, w, ropes.end_body[r, 0], (held * moment - wp.cross(held, kb)) * h
+            )
     for j in range(1, count):
         k = first + j
         i = base + j - 1
@@ -213,4 +215,6 @@ def bend_curved(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> N
         i = base + count - 1
         push_edge(nodes.f, w, i, -kb / wp.max(wp.length(x[w, i + 1] - x[w, i]), shortest))
         if ropes.end_body[r, 1] >= 0:
-            twist_body(state.bodies, w, ropes.end_body[r, 1], -(held * moment + wp.cross(held, kb)) * h)
+            twist_body(
+                state.mechanisms, state.bodies, w, ropes.end_body[r, 1], -(held * moment + wp.cross(held, kb)) * h
+            )

@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from polyworld.solver.coupled.mechanism import Mechanisms, point_response, push_mechanism
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.rope.layout import Ropes, RopeState
 from polyworld.solver.spatial.layout import OPTIONS, Body
@@ -17,13 +18,15 @@ def body_inverse_inertia(bodies: wp.array2d[Body], w: int, b: int) -> wp.mat33d:
 
 
 @wp.func
-def point_mobility(bodies: wp.array2d[Body], w: int, b: int, arm: wp.vec3d) -> wp.mat33d:
+def point_mobility(m: Mechanisms, bodies: wp.array2d[Body], w: int, b: int, arm: wp.vec3d) -> wp.mat33d:
     """Velocity per impulse of the body's point at `arm` from its centre of mass [1/kg]."""
     if bodies[w, b].active == 0:
         return wp.mat33d()
-    m = bodies[w, b].inverse_mass
+    if m.first[b] >= 0:
+        return point_response(m, w, b, arm)
+    light = bodies[w, b].inverse_mass
     zero = wp.float64(0.0)
-    return wp.mat33d(m, zero, zero, zero, m, zero, zero, zero, m) - wp.skew(arm) * body_inverse_inertia(
+    return wp.mat33d(light, zero, zero, zero, light, zero, zero, zero, light) - wp.skew(arm) * body_inverse_inertia(
         bodies, w, b
     ) * wp.skew(arm)
 
@@ -35,18 +38,23 @@ def point_velocity(bodies: wp.array2d[Body], w: int, b: int, arm: wp.vec3d) -> w
 
 
 @wp.func
-def push_body(bodies: wp.array2d[Body], w: int, b: int, arm: wp.vec3d, impulse: wp.vec3d) -> None:
+def push_body(m: Mechanisms, bodies: wp.array2d[Body], w: int, b: int, arm: wp.vec3d, impulse: wp.vec3d) -> None:
     """Apply an impulse at `arm` from the centre of mass."""
     if bodies[w, b].active == 0:
+        return
+    if m.first[b] >= 0:
+        push_mechanism(m, bodies, w, b, impulse, wp.cross(arm, impulse))
         return
     bodies[w, b].v = bodies[w, b].v + impulse * bodies[w, b].inverse_mass
     bodies[w, b].w = bodies[w, b].w + body_inverse_inertia(bodies, w, b) * wp.cross(arm, impulse)
 
 
 @wp.func
-def twist_body(bodies: wp.array2d[Body], w: int, b: int, angular_impulse: wp.vec3d) -> None:
+def twist_body(m: Mechanisms, bodies: wp.array2d[Body], w: int, b: int, angular_impulse: wp.vec3d) -> None:
     """Apply an angular impulse."""
-    if bodies[w, b].active == 1:
+    if bodies[w, b].active == 1 and m.first[b] >= 0:
+        push_mechanism(m, bodies, w, b, wp.vec3d(), angular_impulse)
+    elif bodies[w, b].active == 1:
         bodies[w, b].w = bodies[w, b].w + body_inverse_inertia(bodies, w, b) * angular_impulse
 
 
@@ -81,7 +89,10 @@ def prepare_end(
         return
     b = ropes.end_body[r, end]
     state.end_lag[w, r, end] = (state.bodies[w, b].v - state.end_kept[w, r, end]) * wp.float64(0.5)
-    mobility = point_mobility(state.bodies, w, b, end_arm(ropes, state.bodies, w, r, end)) * ropes.end_share[r, end]
+    mobility = (
+        point_mobility(state.mechanisms, state.bodies, w, b, end_arm(ropes, state.bodies, w, r, end))
+        * ropes.end_share[r, end]
+    )
     split = wp.inverse(unit + mobility * (wp.float64(1.0) / share))
     state.end_split[w, r, end] = split
     state.end_mobility[w, r, end] = mobility * split
@@ -99,7 +110,7 @@ def join_end(ropes: Ropes, state: RopeState, nodes: Nodes, w: int, r: int, end: 
     apart = point_velocity(state.bodies, w, b, arm) - nodes.v[w, i]
     impulse = state.end_split[w, r, end] * apart * (wp.float64(1.0) / share)
     nodes.v[w, i] = nodes.v[w, i] + impulse * share
-    push_body(state.bodies, w, b, arm, -impulse)
+    push_body(state.mechanisms, state.bodies, w, b, arm, -impulse)
 
 
 @wp.func
@@ -111,7 +122,14 @@ def push_end(
     v[w, i] = v[w, i] + state.end_mobility[w, r, end] * impulse
     if state.attached[w, r, end] == 1:
         b = ropes.end_body[r, end]
-        push_body(state.bodies, w, b, end_arm(ropes, state.bodies, w, r, end), state.end_split[w, r, end] * impulse)
+        push_body(
+            state.mechanisms,
+            state.bodies,
+            w,
+            b,
+            end_arm(ropes, state.bodies, w, r, end),
+            state.end_split[w, r, end] * impulse,
+        )
 
 
 @wp.kernel

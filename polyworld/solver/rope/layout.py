@@ -7,6 +7,7 @@ e + 1) is first_link[r] + e, its wheel p is first_wheel[r] + p.
 
 import warp as wp
 
+from polyworld.solver.coupled.mechanism import Mechanisms
 from polyworld.solver.spatial.layout import Body
 
 NO_BODY = -1  # an end that is free, or held by another stage; a wheel on the world
@@ -19,7 +20,7 @@ class Ropes:
     end_body: rigid object that holds an end (start, end), or NO_BODY. end_anchor: where, in its axes. clamped: 1
     where the end's direction is held, by the world too. end_direction: that direction, and end_director a direction
     across it, in the body's or the world's axes. end_release [s], end_strength [N]: when it lets go. end_share,
-    wheel_share: how often the body that holds it is met along this rope.
+    wheel_share: how often the body that holds it, or what joints hold to that, is met along this rope.
     """
 
     first_node: wp.array[wp.int32]
@@ -93,13 +94,14 @@ class Wheel:
 class RopeState:
     """All that changes while a world runs, (W, ...), and room to work in.
 
-    bodies (W, n + s): the rigid solver's, which hold ends and carry wheels.
+    bodies (W, n + s): the rigid solver's, which hold ends and carry wheels; mechanisms: what joints make of them.
     order: elements as in `Threading.order`. elements (W, n): how many there are. rest, tension: of links; held: 1
     where a link's tension is at its lower bound. elongation: in the step before, NaN where there was none. attached
     (W, n, 2): 1 while an end is held by its body. before (W, n): length of the inner step before [s].
     """
 
     bodies: wp.array2d[Body]
+    mechanisms: Mechanisms
     order: wp.array2d[wp.int32]
     elements: wp.array2d[wp.int32]
     rest: wp.array2d[wp.float64]

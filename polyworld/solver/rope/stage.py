@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.model.rope import Threading, threading, unit_axis
+from polyworld.solver.coupled.mechanism import Mechanisms, groups
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
 from polyworld.solver.rope import bending, curve, pace, passing, stretch, twist
 from polyworld.solver.rope.ends import hold_ends
@@ -50,6 +51,7 @@ class RopeStage:
         self.items = tuple(items)
         self.n_worlds = n_worlds
         self.threads = [threading(world, rope) for rope in self.items]
+        self._group = groups(world)
         self._ropes = self._describe(nodes_first)
         self._state = self._allocate()
         self._sweeps = SHARED_SWEEPS if self._shares_bodies() else 1
@@ -60,6 +62,10 @@ class RopeStage:
     def bind(self, bodies: Any) -> None:
         """Take the array (W, n + s) of rigid bodies, before the first launch."""
         self._state.bodies = bodies
+
+    def bind_mechanisms(self, mechanisms: Mechanisms) -> None:
+        """See `polyworld.solver.coupled.stage.HeldByBodies`."""
+        self._state.mechanisms = mechanisms
 
     # --- set-up --------------------------------------------------------------------------------
 
@@ -160,16 +166,17 @@ class RopeStage:
         return local
 
     def _times_met(self, k: int, ends: list[list[dict[str, Any]]], carriers: list[int]) -> dict[int, int]:
-        """Count the links' ends of a rope at each body."""
+        """Count the links' ends of a rope at each body and at those that joints hold together with it."""
         first = sum(len(t.pulleys) for t in self.threads[:k])
         bodies = [e["body"] for e in ends[k]] + carriers[first : first + len(self.threads[k].pulleys)]
-        return {b: bodies.count(b) for b in bodies if b != NO_BODY}
+        held = [int(self._group[b]) for b in bodies if b != NO_BODY]
+        return {b: held.count(int(self._group[b])) for b in bodies if b != NO_BODY}
 
     def _shares_bodies(self) -> bool:
         bodies = [int(b) for b in buffers.read(self._ropes.end_body).ravel()] + [
             int(b) for b in buffers.read(self._ropes.wheel_body)
         ]
-        held = [b for b in bodies if b != NO_BODY]
+        held = [int(self._group[b]) for b in bodies if b != NO_BODY]
         return len(set(held)) < len(held)
 
     def _allocate(self) -> Any:

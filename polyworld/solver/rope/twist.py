@@ -109,13 +109,21 @@ def twist(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> None:
         bend = binormal(t, following) * half
         if k == 0:
             if ropes.end_body[r, 0] >= 0:
-                twist_body(state.bodies, w, ropes.end_body[r, 0], (start * moment - wp.cross(start, bend)) * h)
+                twist_body(
+                    state.mechanisms,
+                    state.bodies,
+                    w,
+                    ropes.end_body[r, 0],
+                    (start * moment - wp.cross(start, bend)) * h,
+                )
         else:
             length = wp.length(nodes.x[w, first + k] - nodes.x[w, first + k - 1])
             force = (before + bend) / length
             nodes.f[w, first + k] = nodes.f[w, first + k] - force
             nodes.f[w, first + k - 1] = nodes.f[w, first + k - 1] + force
         if k == count and ropes.end_body[r, 1] >= 0:
-            twist_body(state.bodies, w, ropes.end_body[r, 1], -(finish * moment + wp.cross(finish, bend)) * h)
+            twist_body(
+                state.mechanisms, state.bodies, w, ropes.end_body[r, 1], -(finish * moment + wp.cross(finish, bend)) * h
+            )
         before = bend
         t = following

@@ -84,7 +84,9 @@ def place_wheels(
             state.wheels[w, p].lag = (state.bodies[w, b].v - state.wheels[w, p].kept) * wp.float64(0.5)
             state.wheels[w, p].centre = state.bodies[w, b].x + arm
             state.wheels[w, p].axis = state.bodies[w, b].rotation * ropes.wheel_axis[p]
-            state.wheels[w, p].mobility = point_mobility(state.bodies, w, b, arm) * ropes.wheel_share[p]
+            state.wheels[w, p].mobility = (
+                point_mobility(state.mechanisms, state.bodies, w, b, arm) * ropes.wheel_share[p]
+            )
     for p in range(ropes.first_wheel[r], ropes.first_wheel[r] + ropes.wheels[r]):
         index = state.wheels[w, p].index
         if index < 0:
@@ -307,4 +309,4 @@ def push_wheel(ropes: Ropes, state: RopeState, w: int, p: int, impulse: wp.vec3d
     """Apply an impulse to the carrier at the wheel's centre."""
     b = ropes.wheel_body[p]
     if b >= 0:
-        push_body(state.bodies, w, b, state.wheels[w, p].centre - state.bodies[w, b].x, impulse)
+        push_body(state.mechanisms, state.bodies, w, b, state.wheels[w, p].centre - state.bodies[w, b].x, impulse)

@@ -113,14 +113,21 @@ def clear_targets(joints: wp.array[Joints], k: int) -> None:
         joints[0].target[k, r] = wp.float64(0.0)
 
 
-@wp.func(inline=False)
-def solve_joint_velocities(joints: wp.array[Joints], state: wp.array[State], k: int, lock: wp.vec3d) -> None:
-    """Rows at this pose; velocities that would pull a joint apart, or run it into a stop, are taken up at once."""
+@wp.func
+def activate_joints(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
+    """Activate joints whose bodies both take part."""
     for j in range(joints[0].count):
         d = joints[0].kinds[j]
         if joints[0].joint[k, j].active == 0 and state[0].bodies[k, d.a].active + state[0].bodies[k, d.b].active == 2:
             joints[0].joint[k, j].active = 1
             joints[0].ready[k] = 0
+
+
+@wp.func(inline=False)
+def solve_joint_velocities(joints: wp.array[Joints], state: wp.array[State], k: int, lock: wp.vec3d) -> None:
+    """Rows at this pose; velocities that would pull a joint apart, or run it into a stop, are taken up at once."""
+    activate_joints(joints, state, k)
+    for j in range(joints[0].count):
         forget(joints, k, j)
     if joints[0].ready[k] == 0:
         build_joint_rows(joints, state, k, lock)

@@ -34,7 +34,8 @@ class RigidStepper:
     """Bodies of W variants of one world, of which others may read and change the state between steps.
 
     bodies: Warp array (W, n + s + 1) of `layout.Body`, objects first, then statics, then the world itself; x, q, v,
-    w may be written between steps, with `rotation` the matrix of q. geometry: their shapes. Parameters are arrays of W
+    w may be written between steps, with `rotation` the matrix of q. geometry: their shapes; system: all of a step's
+    records. Parameters are arrays of W
     rows, written in place, so that a captured graph of `launch_step` stays valid.
     """
 
@@ -54,7 +55,7 @@ class RigidStepper:
         self._diverged = zeros((n_worlds,), wp.int32)
         self._kernel = step_kernel(bool(world.joints))
         self._parameters = ParameterBuffers(world, n_worlds)
-        self._system = system_of(self.geometry, self.state, self.log.record)
+        self.system = system_of(self.geometry, self.state, self.log.record)
         self.write(model.arrays())
 
     def write(self, arrays: RigidArrays) -> None:
@@ -65,15 +66,15 @@ class RigidStepper:
         }
         self._parameters.write(replace(arrays, **wide))
         write_joints(self.joints, replace(arrays, **wide), self.world)
-        self._system.parameters = self._parameters.reference
-        self._system.joints = by_reference(self.joints, Joints, self._system.joints)
+        self.system.parameters = self._parameters.reference
+        self.system.joints = by_reference(self.joints, Joints, self.system.joints)
 
     def reset(self) -> None:
         """Back to the initial state at time 0, without contacts."""
         self.log.clear()
         buffers.write(self._half, 0)
         buffers.write(self._diverged, -1)
-        buffers.launch(load_worlds, self.n_worlds, [self._system, self._start])
+        buffers.launch(load_worlds, self.n_worlds, [self.system, self._start])
 
     def launch_step(self, time: Any, h: Any) -> None:
         """Launch one step of every world from time[w] over h[w], Warp arrays (W,) float64 [s].
@@ -83,7 +84,7 @@ class RigidStepper:
         """
         if not self.names:
             return
-        buffers.launch(self._kernel, self.n_worlds, [self._system, self._start, time, h, self._half, self._diverged])
+        buffers.launch(self._kernel, self.n_worlds, [self.system, self._start, time, h, self._half, self._diverged])
 
     def diverged(self) -> NDArray[np.int32]:
         """Index (W,) of the first object whose state cannot be trusted, -1 where there is none."""
@@ -97,12 +98,12 @@ class RigidStepper:
 
     def enlarge(self) -> bool:
         """Make more room for contacts, in place; runs begin again. Return False where memory does not allow it."""
-        return enlarge(self._system, self.state, self.joints, self.world)
+        return enlarge(self.system, self.state, self.joints, self.world)
 
     def reserve(self) -> None:
         """Make room in the log for all contacts that one step may begin, as far as there may be."""
         if self.record_events and self.log.reserve(len(self.names) * len(self._all_names)):
-            by_reference(self.log.record, Log, self._system.log)
+            by_reference(self.log.record, Log, self.system.log)
 
     def events(self, w: int, end: float) -> tuple[Event, ...]:
         """Contacts of world w up to the time `end` [s], in order of time; none where they are not recorded."""
