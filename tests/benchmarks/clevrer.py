@@ -1,6 +1,7 @@
-"""How well worlds follow CLEVRER scenes: `python -m tests.benchmarks.clevrer [--data DIR] [--scenes N ...] [--json]`.
+"""How well worlds follow CLEVRER videos: `python -m tests.benchmarks.clevrer [--data DIR] [--scenes N ...] [--json]`.
 
-Every figure is measured in the run. Progress goes to stderr, the table (or JSON) to stdout.
+Tracks and fits from video, and scenes worked on through the tools; fits of annotations: `peers.identification`. Every
+figure is measured in the run. Progress goes to stderr, the table (or JSON) to stdout.
 """
 
 from __future__ import annotations
@@ -46,12 +47,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except FileNotFoundError as error:
             print(error, file=sys.stderr)
             return 2
-        world = default_world(scene.tracks, scene.kinds)
-        for holdout in (None, int(0.75 * len(scene.tracks.frames))):
-            made, _ = rows(
-                number, "annotations", world, scene.tracks, scene.tracks, scene.collisions, budget, holdout, say
-            )
-            table += made
         if not options.no_tools:
             runs.append(through_tools(scene, folder, say))
         if scene.video is None or options.no_video:
@@ -172,7 +167,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--generations", type=int, default=240, help="generations of a search (default: %(default)s)")
     parser.add_argument("--population", type=int, default=320, help="rollouts a generation (default: %(default)s)")
     parser.add_argument("--no-tools", action="store_true", help="leave out the runs through the MCP tools")
-    parser.add_argument("--no-video", action="store_true", help="fit the annotations only")
+    parser.add_argument("--no-video", action="store_true", help="leave out tracks and fits of videos")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     return parser.parse_args(arguments)
 

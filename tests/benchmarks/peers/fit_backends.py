@@ -24,7 +24,6 @@ Array = NDArray[np.float64]
 STEPS_OF_FRAME = 10
 # Of contacts with restitution [1/s^2]: a half oscillation takes pi / sqrt(k), four steps of 2.8 ms.
 STIFFNESS = (np.pi / 0.0112) ** 2
-LEAST_RESTITUTION = 0.01  # below it a contact is as dead as a damped spring makes it
 
 
 class Straight:
@@ -140,10 +139,26 @@ def _mjcf(world: World, step: float) -> str:
 </mujoco>"""
 
 
+def _restitution(ratio: Array) -> Array:
+    """Return the restitution of a damped spring that pushes and never pulls, at damping ratios other than 1.
+
+    Schwager & Poeschel, Granular Matter 9 (2007) 465: the contact ends where the force falls to zero.
+    """
+    below = np.sqrt(np.maximum(1.0 - ratio**2, 1e-12))
+    above = np.sqrt(np.maximum(ratio**2 - 1.0, 1e-12))
+    slow = ratio / below * (np.pi - np.arctan2(2.0 * ratio * below, below**2 - ratio**2))
+    fast = ratio / above * np.log((ratio + above) / np.maximum(ratio - above, 1e-12))
+    found: Array = np.exp(-np.where(ratio < 1.0, slow, fast))
+    return found
+
+
+RATIOS = np.geomspace(1e-3, 4.001, 2000)  # the last returns 1% of a speed
+RESTITUTIONS = _restitution(RATIOS)
+
+
 def _damping(restitution: Array) -> Array:
-    """Return the damping [1/s] with which a half oscillation of a contact's spring returns a restitution."""
-    log = -np.log(np.clip(restitution, LEAST_RESTITUTION, 1.0))
-    damping: Array = 2.0 * np.sqrt(STIFFNESS) * log / np.hypot(np.pi, log)
+    """Return the damping [1/s] with which a contact's spring returns a restitution."""
+    damping: Array = 2.0 * np.sqrt(STIFFNESS) * np.interp(-restitution, -RESTITUTIONS, RATIOS)
     return damping
 
 
