@@ -33,7 +33,9 @@ def shape_of(stage: Stage, found: Any, *, moving: bool) -> Placed | str:
     position, rotation = stage.pose(str(found.primPath))
     unit = stage.metre
     if kind == "SphereShape":
-        return Placed(Sphere(radius=found.radius * unit), position, rotation)
+        scales = np.linalg.norm(stage.matrix(str(found.primPath))[:3, :3], axis=0)
+        said = "a ball, though it is scaled otherwise along its axes" if np.ptp(scales) > 1e-6 * scales.max() else ""
+        return Placed(Sphere(radius=found.radius * unit), position, rotation, said)
     if kind == "CubeShape":
         return Placed(Box(half_extents=vector(np.array(found.halfExtents) * unit)), position, rotation)
     if kind == "MeshShape":

@@ -71,6 +71,10 @@ class Stage:
         joints = [(kind, at) for kind in _OTHER_JOINTS for at, _ in self.of(kind)]
         found = [f"joint {at} is left out: {kind} has no counterpart" for kind, at in joints]
         groups = [at for at, _ in self.of("CollisionGroup")]
+        read = {str(shape.primPath) for shape in self.shapes()}
+        solid = [p for p in self.usd.Traverse() if p.HasAPI(self._physics.CollisionAPI)]
+        unread = [str(p.GetPath()) for p in solid if str(p.GetPath()) not in read]
+        found += [f"{at} is left out: UsdPhysics knows no such collider" for at in unread]
         return found + ([f"collision groups are left out: {', '.join(groups)}"] if groups else [])
 
     def prim(self, path: str) -> Any:

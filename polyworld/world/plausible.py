@@ -57,7 +57,8 @@ RANGES: Mapping[str, Range] = {
     "end": TIME,
 }
 MANY = 64  # rows of a table from which on only the one with the greatest number is looked at
-UNCHECKED = frozenset(("camera", "orientation", "normal", "direction", "axis", "schedule"))  # have checks of their own
+# Names, and what has checks of its own.
+UNCHECKED = frozenset(("camera", "orientation", "normal", "direction", "axis", "schedule", "no_contact"))
 
 
 def check_plausible(world: World) -> None:

@@ -216,6 +216,17 @@ def test_pairs_that_do_not_collide_in_mujoco_do_not_here(tmp_path: Path) -> None
     assert pairs == {frozenset("ab"), frozenset("cd"), *ghost}
 
 
+def test_many_pairs_do_not_collide(tmp_path: Path) -> None:
+    """Twenty balls without contacts among each other, 190 pairs, that fall on a floor."""
+    ball = '<body name="b{i}" pos="0 0 {z}"><freejoint/><geom size=".1" contype="2" conaffinity="1"/></body>'
+    balls = "".join(ball.format(i=i, z=0.5 + 0.05 * i) for i in range(20))
+    text = f'<mujoco><worldbody><geom type="plane" size="0 0 1"/>{balls}</worldbody></mujoco>'
+    world = read(tmp_path, text).world
+    assert len(world.no_contact) == 190
+    run = rollout(world, 0.6)
+    assert {e.participants for e in run.events if e.kind == "contact_begin"} <= {(f"b{i}", "geom0") for i in range(20)}
+
+
 def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     text = """<mujoco><option density="1.2"/><worldbody>
       <geom name="mat" type="plane" size="0 0 1" contype="0" conaffinity="0"/>
