@@ -21,6 +21,7 @@ def add_parser(commands: Any) -> None:
     )
     read.add_argument("file", type=Path, metavar="FILE")
     read.add_argument("--keyframe", metavar="NAME", help="keyframe of an MJCF file to start from (name or number)")
+    read.add_argument("--floating", action="store_true", help="free the root link of a URDF file from the world")
     read.set_defaults(command=_import)
 
     write = commands.add_parser(
@@ -38,7 +39,8 @@ def _import(options: argparse.Namespace) -> int:
 
     keyframe = options.keyframe
     try:
-        found = import_world(options.file, keyframe=int(keyframe) if (keyframe or "").isdigit() else keyframe)
+        number = int(keyframe) if (keyframe or "").isdigit() else keyframe
+        found = import_world(options.file, keyframe=number, floating=options.floating)
     except (ImportError, OSError, ValueError) as error:
         return _failed(error)
     print(found.world.canonical_json())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -22,11 +23,16 @@ EXTRA = "pip install 'atw-mcp[importers]'"
 
 
 def import_world(
-    path: str | Path, *, keyframe: str | int | None = None, read: Callable[[Path], bytes] | None = None
+    path: str | Path,
+    *,
+    keyframe: str | int | None = None,
+    floating: bool = False,
+    read: Callable[[Path], bytes] | None = None,
 ) -> Imported:
     """Read a file of MJCF, URDF or USD as a world, with a list of what it does not hold.
 
-    keyframe: name or number of an MJCF file's keyframe to start from; default: the model's own pose, at rest. read:
+    keyframe: name or number of an MJCF file's keyframe to start from; default: the model's own pose, at rest.
+    floating: whether the root link of a URDF file is free, not fixed to the world. read:
     reads the files that the file names (meshes, included files); default: from where they lie. Raises ValueError for
     what cannot be read or has no counterpart, ImportError naming the extra where the reader is not installed.
     """
@@ -36,11 +42,13 @@ def import_world(
         raise ValueError(f"{path.name} is no file that can be read: endings are {', '.join(READERS)}")
     if keyframe is not None and kind != "MJCF":
         raise ValueError(f"{path.name} is {kind}, which has no keyframes")
+    if floating and kind != "URDF":
+        raise ValueError(f"{path.name} is {kind}, which says itself what is fixed to the world: leave `floating` out")
     if kind == "USD":
         from polyworld.exchange.usd import world_of_stage
 
         return world_of_stage(path, alone=read is not None)
-    return _by_mujoco(path, kind, keyframe, read)
+    return _by_mujoco(path, kind, keyframe, floating, read)
 
 
 def needed(module: str, what: str) -> ModuleType:
@@ -53,31 +61,55 @@ def needed(module: str, what: str) -> ModuleType:
         raise ImportError(f"{what} needs {module.split('.')[0]}, which is not installed: {EXTRA}") from error
 
 
-def _by_mujoco(path: Path, kind: str, keyframe: str | int | None, read: Callable[[Path], bytes] | None) -> Imported:
+def _by_mujoco(
+    path: Path, kind: str, keyframe: str | int | None, floating: bool, read: Callable[[Path], bytes] | None
+) -> Imported:
     mujoco: Any = needed("mujoco", f"reading {kind}")
     from polyworld.exchange.mujoco_model import world_of_model
 
     try:
-        spec = mujoco.MjSpec.from_file(str(path)) if read is None else _alone(mujoco, path, read)
+        if read is not None:
+            spec = _alone(mujoco, path, floating, read)
+        elif floating:
+            spec = mujoco.MjSpec.from_string(_freed(path.read_text()))
+            spec.modelfiledir = str(path.parent)
+        else:
+            spec = mujoco.MjSpec.from_file(str(path))
         model = spec.compile()
-    except ValueError as error:
+    except (ValueError, ET.ParseError) as error:
         raise ValueError(f"{path.name} is not read by MuJoCo: {error}") from error
     data = mujoco.MjData(model)
     if keyframe is not None:
         mujoco.mj_resetDataKeyframe(model, data, _keyframe(mujoco, model, keyframe))
     mujoco.mj_forward(model, data)
     found = world_of_model(model, data)
-    if kind == "URDF":
-        found = Imported(found.world, ("the root link is fixed to the world, as MuJoCo reads URDF", *found.left_out))
+    if kind == "URDF" and not floating:
+        found = Imported(found.world, ("the root link is fixed to the world; `floating` frees it", *found.left_out))
     return found
 
 
-def _alone(mujoco: Any, path: Path, read: Callable[[Path], bytes]) -> Any:
+def _freed(text: str) -> str:
+    """URDF whose root link hangs on a link more, by a joint that leaves it free."""
+    robot = ET.fromstring(text)
+    held = {child.get("link") for child in robot.findall("joint/child")}
+    roots = [link.get("name", "") for link in robot.findall("link") if link.get("name") not in held]
+    if len(roots) != 1:
+        raise ValueError(f"it has {len(roots)} root links, {roots}, of which there must be one")
+    ET.SubElement(robot, "link", name="world-of-the-root")
+    joint = ET.SubElement(robot, "joint", name="freedom-of-the-root", type="floating")
+    ET.SubElement(joint, "parent", link="world-of-the-root")
+    ET.SubElement(joint, "child", link=roots[0])
+    return ET.tostring(robot, encoding="unicode")
+
+
+def _alone(mujoco: Any, path: Path, floating: bool, read: Callable[[Path], bytes]) -> Any:
     """A spec of a file that gets at no other but through `read`."""
     text = read(path).decode()
-    if "<include" in text:
-        raise ValueError("it includes other files: write them into one, as MuJoCo's compile program does")
-    spec = mujoco.MjSpec.from_string(text)
+    # Of what names a file, meshes and height fields are read here, textures are not needed.
+    named = {e.tag for e in ET.fromstring(text).iter() if "file" in e.attrib} - {"mesh", "hfield", "texture"}
+    if named:
+        raise ValueError(f"it names other files in {sorted(named)}: write them into one, as MuJoCo's `compile` does")
+    spec = mujoco.MjSpec.from_string(_freed(text) if floating else text)
     assets: dict[str, bytes] = {}
     for folder, parts in ((spec.meshdir, spec.meshes), (spec.meshdir, spec.hfields)):
         for part in parts:

@@ -43,8 +43,9 @@ def test_files_outside_the_allowed_folders_are_not_reached(session: Session, tmp
     assert "not in a folder whose files may be read" in session.refused("BuildWorld", case=case, world="/usr/arm.xml")
     own = str(tmp_path / "arm.xml")
     assert "not in a folder whose files may be read" in session.refused("BuildWorld", case=case, world=own)
-    (tmp_path / "arm.xml").write_text('<mujoco><include file="/etc/passwd"/></mujoco>')
-    assert "includes other files" in session.refused("BuildWorld", case=case, world=own)
+    for element in ('<include file="/etc/passwd"/>', '<asset><model name="a" file="/usr/a.xml"/></asset>'):
+        (tmp_path / "arm.xml").write_text(f"<mujoco>{element}</mujoco>")
+        assert "names other files in" in session.refused("BuildWorld", case=case, world=own)
     pytest.importorskip("pxr")
     stage = tmp_path / "stage.usda"
     stage.write_text('#usda 1.0\ndef "robot" (references = @/usr/robot.usda@) {}\n')

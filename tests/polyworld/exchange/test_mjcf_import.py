@@ -290,6 +290,24 @@ def test_urdf_is_read_with_inertias_joints_and_meshes(tmp_path: Path) -> None:
     assert found.left_out[0].startswith("the root link is fixed to the world")
 
 
+def test_the_root_link_of_a_urdf_file_can_be_free(tmp_path: Path) -> None:
+    """A base of 3 kg with a wheel falls with g, with its mesh beside the file."""
+    (tmp_path / "wedge.obj").write_text("v 0 0 0\nv .2 0 0\nv 0 .2 0\nv 0 0 .3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    inertial = '<inertial><mass value="3"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    text = f"""<robot name="r"><link name="base">{inertial}
+      <collision><geometry><mesh filename="wedge.obj"/></geometry></collision></link>
+      <link name="wheel">{inertial}<collision><geometry><sphere radius=".1"/></geometry></collision></link>
+      <joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/><origin xyz="1 0 0"/></joint>
+      </robot>"""
+    path = tmp_path / "cart.urdf"
+    path.write_text(text)
+    world = import_world(path, floating=True).world
+    assert {o.name: o.mass for o in world.objects} == {"base": 3.0, "wheel": 3.0}
+    assert rollout(world, 0.2).trajectory.positions[-1, 0, 2] == pytest.approx(-0.5 * 9.81 * 0.04, rel=1e-6)
+    with pytest.raises(ValueError, match="leave `floating` out"):
+        read(tmp_path, chain(), floating=True)
+
+
 def test_files_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="endings are"):
         import_world(tmp_path / "model.sdf")
