@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.core import interruption
 from polyworld.model import model_of
+from polyworld.solver.core.patience import PATIENCE, in_words
 from polyworld.solver.core.saved_state import SavedState
 from polyworld.solver.stepper import NO_COUPLED_STATE, Stepper
 from polyworld.trajectory import BatchTrajectory, Rollout
 from polyworld.trajectory.events import all_events
 from polyworld.world import World
 
+if TYPE_CHECKING:
+    from polyworld.solver.core.simulator import RigidSimulator
+
 Array = NDArray[np.float64]
 
 MAX_SUBSTEPS = 2_000_000  # a second or so for six planar bodies, half a minute for six spatial ones
 MAX_SAMPLES = 200_000  # some 100 bytes a sample and object
+TIMED = 0.2  # [s] that are timed to predict a whole rollout: a hundred times the noise of a clock and a scheduler
 
 
 class Simulator(Protocol):
@@ -35,6 +42,10 @@ class Simulator(Protocol):
         overrides: parameter path -> values (n_worlds,), see `polyworld.world.parameters`. samples: how many leading
         sample times to reach (default all).
         """
+        ...
+
+    def slowest_part(self) -> str:
+        """Say what makes a run slow, after one."""
         ...
 
 
@@ -63,13 +74,14 @@ def simulator(
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
     start: SavedState | None = None,
+    patience: float = math.inf,
 ) -> Simulator:
     """Return the simulator fitting the world's representations.
 
     sample_times (T,): increasing, >= 0 [s], at the world's own seconds_per_frame; a variant with another
     seconds_per_frame is sampled at proportionally other times. threads: default all cores; the result does
     not depend on it, to the bit. progress: called with the share done, 0 to 1, while worlds with deformable objects run
-    (others are done before anyone asks); what it raises ends the run.
+    (others are done before anyone asks); what it raises ends the run. patience: see `rollout`.
     """
     times = np.array(sample_times, dtype=float)
     if times.ndim != 1 or len(times) == 0:
@@ -85,19 +97,29 @@ def simulator(
         from polyworld.solver.coupled.simulator import CoupledSimulator
 
         return CoupledSimulator(
-            model_of(world), times, n_worlds=n_worlds, record_events=record_events, threads=threads, progress=progress
+            model_of(world),
+            times,
+            n_worlds=n_worlds,
+            record_events=record_events,
+            threads=threads,
+            progress=progress,
+            patience=patience,
         )
+    made: RigidSimulator
     if world.planar:
         from polyworld.solver.planar import PlanarSimulator
 
-        return PlanarSimulator(
+        made = PlanarSimulator(
             model_of(world), times, n_worlds=n_worlds, record_events=record_events, threads=threads, start=start
         )
-    from polyworld.solver.spatial.simulator import SpatialSimulator
+    else:
+        from polyworld.solver.spatial.simulator import SpatialSimulator
 
-    return SpatialSimulator(
-        model_of(world), times, n_worlds=n_worlds, record_events=record_events, threads=threads, start=start
-    )
+        made = SpatialSimulator(
+            model_of(world), times, n_worlds=n_worlds, record_events=record_events, threads=threads, start=start
+        )
+    made.patience = patience
+    return made
 
 
 def scheduled_simulator(
@@ -134,23 +156,59 @@ def rollout(
     record_events: bool = True,
     progress: Callable[[float], None] | None = None,
     start: SavedState | None = None,
+    patience: float = PATIENCE,
 ) -> Rollout:
     """Roll one world out to `horizon` [s], sampled every `sample_interval` [s] (default: one frame).
 
     Samples are taken at 0, one interval, two, ... and at the horizon. record_events: False for the motion alone, which
     is the same; the rollout then has no events and says so (`Rollout.contacts_until`). progress: as for `simulator`.
-    start: a state
-    of this world, see `state_at`, that the run goes on from; the horizon still counts from time 0, and the result holds
-    the samples and events from that state on. Where it was saved at a sample time they equal those of the whole run to
-    the bit. Raises ValueError for a horizon that is not positive, or asks for more than MAX_SUBSTEPS substeps or
-    MAX_SAMPLES samples.
+    start: a state of this world, see `state_at`, that the run goes on from; the horizon still counts from time 0, and
+    the result holds the samples and events from that state on. Where it was saved at a sample time they equal those of
+    the whole run to the bit. patience: wall-clock seconds that the run may take; `predicted_cost` says what it will. A
+    world with deformable objects that is predicted to take longer is refused after a second, with what makes it slow,
+    and one that slows down later ends as truncated; one of rigid objects is stopped and refused. Raises ValueError for
+    a horizon that is not positive, or asks for more than MAX_SUBSTEPS substeps or MAX_SAMPLES samples; TooLong, a
+    ValueError.
     """
     times = sampled_times(world, horizon, sample_interval)
     if start is not None:
         times = _times_from(start.time, times)
-    batch = simulator(world, times, record_events=record_events, threads=1, progress=progress, start=start).run()
+    machine = simulator(
+        world, times, record_events=record_events, threads=1, progress=progress, start=start, patience=patience
+    )
+    batch = machine.run()
     found = _rollout_of(world, batch, 0, horizon)
     return found if start is None else replace(found, events=tuple(e for e in found.events if e.time >= start.time))
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a rollout takes on this machine: wall-clock seconds, its substeps, and what makes it slow."""
+
+    seconds: float
+    substeps: int
+    cause: str
+
+    def __str__(self) -> str:
+        return f"about {in_words(self.seconds)} for {self.substeps} substeps. {self.cause}".strip()
+
+
+def predicted_cost(world: World, horizon: float, *, sample_interval: float | None = None) -> Cost:
+    """Predict what `rollout` takes from its first steps, timed for TIMED; contacts may make later ones slower.
+
+    Building the world's meshes and loading its kernels come on top.
+    """
+    times = sampled_times(world, horizon, sample_interval)
+    machine = simulator(world, times, record_events=True, threads=1)
+    machine.run(samples=1)  # loads the kernels
+    samples, seconds = 1, 0.0
+    while seconds < TIMED and samples < len(times):
+        samples = min(2 * samples, len(times))
+        begin = time.perf_counter()
+        machine.run(samples=samples)
+        seconds = time.perf_counter() - begin
+    share = times[samples - 1] / times[-1] if samples > 1 else 1.0
+    return Cost(seconds / float(share), int(np.ceil(horizon / world.time.substep - 1e-9)), machine.slowest_part())
 
 
 def state_at(
@@ -187,14 +245,17 @@ def rollouts(
     sample_interval: float | None = None,
     record_events: bool = True,
     progress: Callable[[float], None] | None = None,
+    patience: float = PATIENCE,
 ) -> tuple[Rollout, ...]:
     """Roll variants of one world out together, as `rollout` does one.
 
     overrides: parameter path -> values (N,) that make the world into `members`. A member with another
-    seconds_per_frame has a proportional horizon. record_events, progress: as for `rollout`.
+    seconds_per_frame has a proportional horizon. record_events, progress, patience: as for `rollout`.
     """
     times = sampled_times(world, horizon, sample_interval)
-    machine = simulator(world, times, n_worlds=len(members), record_events=record_events, progress=progress)
+    machine = simulator(
+        world, times, n_worlds=len(members), record_events=record_events, progress=progress, patience=patience
+    )
     batch = machine.run(overrides)
     frame = world.time.seconds_per_frame
     return tuple(

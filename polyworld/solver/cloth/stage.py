@@ -19,6 +19,7 @@ from polyworld.solver.cloth.layout import BLOCK, Bending, Damping, Material, Sur
 from polyworld.solver.cloth.readout import cloth_quantities
 from polyworld.solver.cloth.stability import EDGES, ClothFrequencies, director_square, stable_step
 from polyworld.solver.coupled.attachment_targets import held_nodes
+from polyworld.solver.coupled.needs import Need
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
 from polyworld.world import World
 from polyworld.world.representations.cloth import Cloth
@@ -78,6 +79,7 @@ class ClothStage:
         for o, (name, row) in enumerate(zip(self._names, self._rows, strict=True)):
             steps[:, o], rates[:, o] = self._material(values[:, o], self._frequencies[name], row)
         self._step = steps.min(axis=1)
+        self._steps = steps.min(axis=0)
         buffers.write(self._surface.materials, values)
         buffers.write(self._damping.stages, stages_for(self._step * rates.max(axis=1)))
         launched, self._stages = self._stages, max(self._stages, int(buffers.read(self._damping.stages).max()))
@@ -113,6 +115,12 @@ class ClothStage:
     def stable_step(self) -> Array:
         """See MaterialStage."""
         return self._step
+
+    def needs(self) -> list[Need]:
+        """See MaterialStage."""
+        cure = "with half the divisions, or a mesh twice as coarse, twice that and more"
+        named = zip(self._names, self._steps, strict=True)
+        return [Need(float(step), f"cloth {name!r}: its stretching and bending", cure) for name, step in named]
 
     def launch_forces(self, nodes: Nodes, clock: Clock) -> None:
         """Forces of all triangles; the directors take their step here as well."""

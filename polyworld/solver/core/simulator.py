@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ from polyworld.core import buffers, interruption
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.episodes import ContactLog
+from polyworld.solver.core.patience import TooLong, in_words, time_limit
 from polyworld.solver.core.saved_state import SavedState, arrays_of, copied, write_back
 from polyworld.solver.core.thread_pool import available_cores, run_in_pool, shares
 from polyworld.solver.core.time_table import TimeTable, schedule_record, schedules, time_table
@@ -107,6 +109,7 @@ class RigidSimulator(ABC):
         self.record_events = record_events
         self.threads = (threads or available_cores()) if buffers.threads_serve() else 1
         self._start = start
+        self.patience = math.inf  # [s] of one run
         self._table = schedules(self.world, self.sample_times, None if start is None else start.time)
         self._schedule = schedule_record(self._table, n_worlds)
         self._outcome = Outcome()
@@ -121,6 +124,14 @@ class RigidSimulator(ABC):
         self._outcomes = (self._diverged_object, self._diverged_time, self._overflowed)
         all_names = self.names + tuple(s.name for s in self.world.statics)
         self._log = ContactLog(n_worlds, self.names, all_names, record=record_events, capacity=episodes)
+
+    def slowest_part(self) -> str:
+        """See `polyworld.solver.rollout.Simulator`."""
+        shares = f" in {self.n_worlds} worlds" if self.n_worlds > 1 else ""
+        return (
+            f"{len(self.names)} rigid objects{shares} take steps of {self.world.time.substep:g} s, each as long as all "
+            "their contacts and joints together need: fewer objects, or less different masses, take less"
+        )
 
     def run(
         self,
@@ -325,9 +336,13 @@ class RigidSimulator(ABC):
 
         buffers.load_kernel(kernel)
         try:
-            with interruption.current().stopping(self._skip_segments):
+            skip = self._skip_segments
+            with interruption.current().stopping(skip), time_limit(self.patience, skip) as too_long:
                 run_in_pool(piece, pieces, self.threads)
-        except interruption.Interrupted:
+            if too_long.is_set():
+                limit = f"its limit of {in_words(self.patience)} (patience)"
+                raise TooLong(f"the rollout was stopped after {limit}. {self.slowest_part()}")
+        except (interruption.Interrupted, TooLong):
             self._steps.values[...] = self._table.steps
             self._steps.push()
             raise

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -175,8 +177,11 @@ class Shard:
             raise ValueError(f"no step is stable for these parameters: {stable.tolist()} s")
         buffers.write(self.clock.inner_steps, np.maximum(np.ceil(longest / stable * (1.0 - 1e-12)), 1))
 
-    def advance(self, segment: int) -> None:
-        """Run the steps of one segment of the time table."""
+    def advance(self, segment: int, used_up: Callable[[int], str | None] = lambda _: None) -> None:
+        """Run the steps of one segment of the time table.
+
+        used_up: told how many steps of it are done, says why all worlds have to end here, None where they go on.
+        """
         self.prepare()
         end = self.table.end[segment] * np.broadcast_to(buffers.read(self.time_scale), (self.n_worlds,))
         steps = int(self.table.steps[segment])
@@ -187,12 +192,21 @@ class Shard:
             if self.rigid is not None:
                 self.rigid.reserve()
             self.contacts.reserve()
-            step.advance(self)
+            with self._halting():
+                step.advance(self)
             room.check_bodies(self)
             self._note_diverged_bodies()
             if self.fluid is not None:
                 self._note_diverged_fluid(self.fluid)
+            reason = used_up(steps - left + 1)
+            if reason is not None:
+                for w in np.flatnonzero(self.live()):
+                    self.truncate(int(w), reason)
         buffers.write(self.clock.time, np.where(self.live(), end, buffers.read(self.clock.time)))
+
+    def _halting(self) -> AbstractContextManager[None]:
+        """Return what ends a coupling step of fluids, which takes all its sub-steps in one launch, where asked to."""
+        return nullcontext() if self.fluid is None else interruption.current().stopping(self.fluid.halt)
 
     def live(self) -> NDArray[np.bool_]:
         """Return which worlds (W,) have not diverged."""
@@ -311,6 +325,11 @@ class Shard:
             return 0.0
         logs = [self.contacts.complete_until(w), None if self.rigid is None else self.rigid.log.complete_until(w)]
         return min((t for t in logs if t is not None), default=None)
+
+    @property
+    def longest_inner_step(self) -> float:
+        """Longest inner step that a world takes, whatever its materials allow [s]."""
+        return min(LONGEST_INNER_STEP, self.world.time.substep)
 
     def prepare(self) -> step.Graphs:
         """Load the kernels and capture the graphs, before threads run them, where that is to be done; return them."""

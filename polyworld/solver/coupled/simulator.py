@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
@@ -13,10 +14,12 @@ from numpy.typing import NDArray
 from polyworld.core import buffers
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
+from polyworld.solver.core.patience import Watch
 from polyworld.solver.core.thread_pool import available_cores
 from polyworld.solver.core.time_table import time_table
 from polyworld.solver.coupled.centres import centre_motion
 from polyworld.solver.coupled.fields import deformable_fields, split_overrides
+from polyworld.solver.coupled.needs import slowest_part
 from polyworld.solver.coupled.nodes import Fields
 from polyworld.solver.coupled.record import Record
 from polyworld.solver.coupled.room import Restart
@@ -41,9 +44,10 @@ class CoupledSimulator:
         record_events: bool = False,
         threads: int | None = None,
         progress: Callable[[float], None] | None = None,
+        patience: float = math.inf,
     ) -> None:
         self.world = world = model.world
-        self.progress = progress
+        self.progress, self.patience = progress, patience
         self.names = world.moving_names
         self.n_worlds = n_worlds
         self.sample_times = np.asarray(sample_times, dtype=float)
@@ -60,6 +64,10 @@ class CoupledSimulator:
         """Roll all variants out from their initial state, to the first `samples` sample times."""
         with buffers.on_cpu():
             return self._run(overrides, samples)
+
+    def slowest_part(self) -> str:
+        """See `polyworld.solver.rollout.Simulator`."""
+        return slowest_part(self._shards[0])
 
     def _run(self, overrides: Mapping[str, Array] | None, samples: int | None) -> BatchTrajectory:
         count = len(self.sample_times) if samples is None else samples
@@ -81,12 +89,16 @@ class CoupledSimulator:
 
         records = [begin(number) for number in range(len(self._shards))]
 
+        done = np.concatenate([[0], np.cumsum(self._table.steps[:segments])])
+        horizon = float(self.sample_times[count - 1])
+
         def run_once(number: int) -> None:
             record = records[number]
+            watch = Watch(self.patience, horizon, lambda: slowest_part(record.shard))
             for segment in range(segments):
                 if self.progress is not None and number == 0:
-                    self.progress(segment / segments)
-                record.shard.advance(segment)
+                    self.progress(float(done[segment] / max(done[-1], 1)))
+                record.shard.advance(segment, lambda steps, at=done[segment]: watch.used_up((at + steps) / done[-1]))
                 if self._table.sample[segment] >= 0:
                     record.take(int(self._table.sample[segment]))
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.solver.coupled.mechanism import Mechanisms
+from polyworld.solver.coupled.needs import Need
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
 
 Array = NDArray[np.float64]
@@ -34,6 +35,10 @@ class MaterialStage(Protocol):
 
     def stable_step(self) -> Array:
         """Longest inner step (1,) or (W,) for which the explicit forces are stable and accurate [s]."""
+        ...
+
+    def needs(self) -> list[Need]:
+        """What each object needs of the inner step at the start, in the world that needs most."""
         ...
 
     def launch_forces(self, nodes: Nodes, clock: Clock) -> None:

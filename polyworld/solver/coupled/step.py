@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from polyworld.core import buffers
+from polyworld.core import buffers, interruption
 from polyworld.solver.coupled import motion, room
 from polyworld.solver.coupled.stage import Paced
 
@@ -119,6 +119,7 @@ def advance(shard: Shard) -> None:
     graphs = shard.prepare()
     left = int(buffers.read(shard.clock.inner_steps).max()) if shard.solids else 0
     while left > 0:
+        interruption.check()
         size = BLOCK if left >= BLOCK else 1
         buffers.replay(graphs.block if size == BLOCK else graphs.inner)
         left -= size

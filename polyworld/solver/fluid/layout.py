@@ -177,9 +177,10 @@ class Pace:
 
     given (W,): momentum that bodies and nodes have taken from the liquid in this sub-step. touching (W,): 1 where
     liquid is near a static or a side of the box, which then take momentum too. diverged (W,): first particle that is
-    not a number or too fast, -1 for none.
+    not a number or too fast, -1 for none. halted (1,): not 0 where the run was asked to end in the middle of a step.
     """
 
+    halted: wp.array[wp.int32]
     left: wp.array[wp.float64]
     dt: wp.array[wp.float64]
     go: wp.array[wp.int32]

@@ -121,6 +121,7 @@ class FluidSolver:
         buffers.fill(p.used, seeded)
         buffers.clear(self.records.fields.pressure)
         buffers.fill(self.records.pace.diverged, -1)
+        buffers.clear(self.records.pace.halted)
         wet, s = self.records.wetted, self.records.sources
         arrays: list[Any] = [
             wet.forecast,
@@ -156,6 +157,10 @@ class FluidSolver:
     def step(self, clock: Clock) -> None:
         """Advance by clock.h, in sub-steps; bodies and nodes take the fluid's impulses."""
         step.advance(self.records, clock)
+
+    def halt(self) -> None:
+        """End a step that another thread runs; its result is of no use, and `reset` has to follow."""
+        self.records.pace.halted.numpy()[0] = 1
 
     def particles(self) -> tuple[Array, Array, NDArray[np.int32]]:
         """Positions (W, P, 3), velocities (W, P, 3), nan where absent, and fluid (W, P), -1 where absent."""

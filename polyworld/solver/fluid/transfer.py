@@ -40,7 +40,7 @@ def choose_step(
     pace.dt[w] = ZERO
     pace.given[w] = wp.vec3d()
     pace.touching[w] = 0
-    if left <= ZERO:
+    if left <= ZERO or pace.halted[0] != 0:
         return
     fastest = wp.float64(0.0)
     lo = grid.count

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from polyworld.core import buffers
 from polyworld.model.rope import Threading, threading, unit_axis
 from polyworld.solver.coupled.mechanism import Mechanisms, groups
+from polyworld.solver.coupled.needs import Need
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
 from polyworld.solver.rope import bending, curve, pace, passing, stretch, twist
 from polyworld.solver.rope.ends import hold_ends
@@ -285,17 +286,34 @@ class RopeStage:
         """
         steps = [np.full(1, np.inf)]
         for rope, thread in zip(self.items, self.threads, strict=True):
-            f = self._fields[rope.name]
-            density, cell = f["linear_density"], thread.segment_length
-            tension = self._first_tension(rope, thread, f)
-            bending = 16.0 * f["bending_stiffness"] / (density * cell**4)
-            square = np.maximum(bending + 4.0 * tension / (density * cell**2), 1e-12)
-            omega = np.sqrt(square)
-            zeta = 0.5 * f["bending_damping"] * bending / omega
+            bending, swing = self._squares(rope, thread)
+            omega = np.sqrt(np.maximum(bending + swing, 1e-12))
+            zeta = 0.5 * self._fields[rope.name]["bending_damping"] * bending / omega
             steps.append(SAFETY * 2.0 / omega * (np.sqrt(1.0 + zeta**2) - zeta))
         size = max(len(s) for s in steps)
         shortest: Array = np.min([np.broadcast_to(s, (size,)) for s in steps], axis=0)
         return shortest
+
+    def _squares(self, rope: Rope, thread: Threading) -> tuple[Array, Array]:
+        """Squares (1,) or (W,) of the highest angular frequencies of bending and of swing under tension [1/s^2]."""
+        f = self._fields[rope.name]
+        density, cell = f["linear_density"], thread.segment_length
+        tension = self._first_tension(rope, thread, f)
+        return 16.0 * f["bending_stiffness"] / (density * cell**4), 4.0 * tension / (density * cell**2)
+
+    def needs(self) -> list[Need]:
+        """See `MaterialStage.needs`."""
+        found = []
+        for rope, thread in zip(self.items, self.threads, strict=True):
+            squares = [float(np.max(s)) for s in self._squares(rope, thread)]
+            step = SAFETY * 2.0 / np.sqrt(max(sum(squares), 1e-12))
+            stiff = squares[0] > squares[1]
+            motion = "bending" if stiff else "swing under tension"
+            longer = step * (4.0 if stiff else 2.0)
+            cure = f"with {max(rope.segments // 2, 1)} segments instead of {rope.segments} {longer:.2g} s"
+            why = f"rope {rope.name!r}: {motion} of its {thread.segment_length:.2g} m segments"
+            found.append(Need(float(step), why, cure))
+        return found
 
     def _first_tension(self, rope: Rope, thread: Threading, f: Mapping[str, Array]) -> Array:
         """Tension to reckon with at the start [N]: its stretch, the weight of the loads and of itself, their snatch.

@@ -10,6 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
+from polyworld.solver.coupled.needs import Need
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes
 from polyworld.solver.soft import damping
 from polyworld.solver.soft.bodies import Kind, SliceKind, SolidKind
@@ -54,6 +55,7 @@ class SoftStage:
             whole = {p: np.broadcast_to(v, (rows,)) for p, v in row.items()}
             values[:, k], steps[:, k] = laws(self._forms[name], whole)
         self._steps = steps.min(axis=1)
+        self._each = steps.min(axis=0)
         stages = values["stages"]
         modes = (
             bool(np.any((values["viscous_shear"] > 0) & (stages == 0))),
@@ -79,6 +81,12 @@ class SoftStage:
     def stable_step(self) -> Array:
         """Longest inner step (1,) or (W,) [s]."""
         return self._steps
+
+    def needs(self) -> list[Need]:
+        """See MaterialStage."""
+        cure = "with a resolution twice as coarse twice that"
+        named = zip(self._names, self._each, strict=True)
+        return [Need(float(step), f"soft body {name!r}: sound in its elements", cure) for name, step in named]
 
     def launch_forces(self, nodes: Nodes, clock: Clock) -> None:
         """Add elastic, plastic and weak viscous forces to nodes.f."""
