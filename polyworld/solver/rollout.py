@@ -183,7 +183,7 @@ def rollout(
 
 @dataclass(frozen=True)
 class Cost:
-    """What a rollout takes on this machine: wall-clock seconds, its substeps, and what makes it slow."""
+    """Predicted cost of a rollout on this machine: wall-clock seconds, its substeps, and what makes it slow."""
 
     seconds: float
     substeps: int

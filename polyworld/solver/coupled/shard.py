@@ -180,7 +180,7 @@ class Shard:
     def advance(self, segment: int, used_up: Callable[[int], str | None] = lambda _: None) -> None:
         """Run the steps of one segment of the time table.
 
-        used_up: told how many steps of it are done, says why all worlds have to end here, None where they go on.
+        used_up: given how many steps of it are done, says why all worlds have to end here, None where they go on.
         """
         self.prepare()
         end = self.table.end[segment] * np.broadcast_to(buffers.read(self.time_scale), (self.n_worlds,))

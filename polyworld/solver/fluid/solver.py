@@ -160,7 +160,7 @@ class FluidSolver:
 
     def halt(self) -> None:
         """End a step that another thread runs; its result is of no use, and `reset` has to follow."""
-        self.records.pace.halted.numpy()[0] = 1
+        buffers.write(self.records.pace.halted, 1)
 
     def particles(self) -> tuple[Array, Array, NDArray[np.int32]]:
         """Positions (W, P, 3), velocities (W, P, 3), nan where absent, and fluid (W, P), -1 where absent."""
