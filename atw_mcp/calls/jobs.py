@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from polyworld.core.interruption import Interruption
 
 GRACE = 0.3  # [s] for cancelled work to end by itself, with what it has; then it is interrupted where it is
+LEAST_SECONDS = 2.0  # [s] of work before the rest of it is predicted: it may begin with loading kernels,
+LEAST_SHARE = 0.01  # and this share of it
 BEAT = 1.0  # [s] between signs of life; also how soon a cancellation from another process is seen
 logger = logging.getLogger(__name__)
 
@@ -246,7 +248,8 @@ class JobRunner:
             if job.stopped is not None:
                 progress.cancel()
             try:
-                self._store.jobs.beat(job.evidence, progress.done, progress.total, progress.message)
+                message = progress.message + time_left(progress.done, progress.total, time.monotonic() - began)
+                self._store.jobs.beat(job.evidence, progress.done, progress.total, message)
                 seen = self._store.jobs.get(job.evidence)
             except StoreError as error:
                 logger.warning("could not report progress of %s: %s", job.evidence, error)
@@ -256,6 +259,16 @@ class JobRunner:
                 continue
             if seen is not None and seen.cancel_requested:
                 progress.cancel()
+
+
+def time_left(done: float, total: float | None, seconds: float) -> str:
+    """Return ', about 40 s left', from what was done in some seconds; '' where that is too little to predict from."""
+    from polyworld.solver.core.patience import in_words
+
+    share = done / total if total else 0.0
+    if seconds < LEAST_SECONDS or not LEAST_SHARE <= share < 1.0:
+        return ""
+    return f", about {in_words(seconds * (1.0 - share) / share)} left"
 
 
 def _no_answer(message: str, code: int = INTERNAL_ERROR) -> dict[str, object]:

@@ -55,6 +55,12 @@ class Limits(BaseModel):
         description="of this process: above it no long work begins, and running work is stopped; default: half the "
         "machine's",
     )
+    rollout_seconds: float = Field(
+        default=600.0,
+        gt=0,
+        description="that a rollout may be predicted to take [s], and after which one that slows down ends: with fewer "
+        "segments, elements or cells, most take a few",
+    )
     call_seconds: float = Field(
         default=14_400.0, gt=0, description="after which long work is stopped [s]: the longest searches take an hour"
     )

@@ -155,7 +155,15 @@ def compute_ensemble(
         members = _members(app, descent, count)
         paths = [path for unknown in descent.sample.document["unknowns"] for path in unknown["paths"]]
         try:
-            found = roll_out_members(world, members, paths, horizon, sample_interval=sample_seconds, progress=progress)
+            found = roll_out_members(
+                world,
+                members,
+                paths,
+                horizon,
+                sample_interval=sample_seconds,
+                progress=progress,
+                patience=app.limits.rollout_seconds,
+            )
         except RuntimeError as error:  # more contacts at once than there is room for
             raise ValueError(f"the ensemble could not be finished: {error}") from error
         documents: list[dict[str, Any]] = []

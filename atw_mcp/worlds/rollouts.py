@@ -14,6 +14,7 @@ from atw_mcp.calls.app import App
 from atw_mcp.calls.names import case_hint
 from atw_mcp.worlds.rollout_cost import cost, longest_horizon
 from evidence_store import Case, Content, UnknownRecord
+from polyworld.solver.core.patience import PATIENCE, TooLong
 from polyworld.solver.rollout import MAX_SUBSTEPS, rollout
 from polyworld.trajectory import Event, PointMotion, Rollout, Trajectory, Truncation
 from polyworld.world import World
@@ -65,7 +66,7 @@ def _crowd(world: World) -> str:
 
 def find_rollout(app: App, world: World, horizon: float, sample: float | None = None) -> tuple[str, Rollout] | None:
     """Return the stored rollout of a world and its id, if it was computed before."""
-    found = app.store.rollouts.find(KIND, _inputs(world, horizon, sample))
+    found = app.store.rollouts.find(KIND, _inputs(app, world, horizon, sample))
     return None if found is None else (found.id, _from_content(found))
 
 
@@ -80,12 +81,15 @@ def compute_rollout(
 
     progress: called with the share done; what it raises ends the run. sample: seconds between samples, default a frame.
     """
+    limit = app.limits.rollout_seconds
+
+    def compute() -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
+        return content_of(rollout(world, horizon, sample_interval=sample, progress=progress, patience=limit))
+
     try:
-        content, _ = app.store.rollouts.get_or_compute(
-            KIND,
-            _inputs(world, horizon, sample),
-            lambda: content_of(rollout(world, horizon, sample_interval=sample, progress=progress)),
-        )
+        content, _ = app.store.rollouts.get_or_compute(KIND, _inputs(app, world, horizon, sample), compute)
+    except TooLong as error:
+        raise ValueError(str(error).replace("(patience)", "(rollout_seconds) of this server")) from error
     except RuntimeError as error:  # more contacts at once than there is room for
         raise ValueError(f"the rollout could not be finished: {error}") from error
     return content.id, _from_content(content)
@@ -120,8 +124,10 @@ def sample_seconds_of(app: App, identifier: str) -> float | None:
     return found
 
 
-def _inputs(world: World, horizon: float, sample: float | None) -> dict[str, Any]:
+def _inputs(app: App, world: World, horizon: float, sample: float | None) -> dict[str, Any]:
     inputs = {"world": world.id, "horizon": horizon, "engine": ENGINE}
+    if app.limits.rollout_seconds != PATIENCE:  # one that ended at another limit is not the answer
+        inputs["patience"] = app.limits.rollout_seconds
     if sample is None or sample == world.time.seconds_per_frame:
         return inputs
     return {**inputs, "sample_seconds": sample}

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from polyworld.edits.interventions import Intervention, branch
 from polyworld.model import model_of
+from polyworld.solver.core.patience import PATIENCE
 from polyworld.solver.rollout import rollouts
 from polyworld.trajectory import Rollout
 from polyworld.world import World
@@ -44,17 +45,21 @@ def roll_out_members(
     *,
     sample_interval: float | None = None,
     progress: Callable[[float], None] | None = None,
+    patience: float = PATIENCE,
 ) -> tuple[Rollout, ...]:
     """Roll out members of an ensemble about `world` in one batch.
 
-    paths: parameters in which they may differ. Raises ValueError where they differ in anything else.
+    paths: parameters in which they may differ. patience: as for `rollout`. Raises ValueError where they differ in
+    anything else.
     """
     overrides = differences(world, members, paths)
     for i, member in enumerate(members):
         rebuilt = with_parameters(world, {path: float(value[i]) for path, value in overrides.items()})
         if not _alike(rebuilt.model_dump(), member.model_dump()):
             raise ValueError("the edits change the members of the ensemble by more than the fitted parameters")
-    return rollouts(world, members, overrides, horizon, sample_interval=sample_interval, progress=progress)
+    return rollouts(
+        world, members, overrides, horizon, sample_interval=sample_interval, progress=progress, patience=patience
+    )
 
 
 def differences(world: World, members: Sequence[World], paths: Iterable[str]) -> dict[str, Array]:

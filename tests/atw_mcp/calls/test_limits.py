@@ -9,10 +9,14 @@ import pytest
 from mcp.server.mcpserver.exceptions import ToolError
 
 from atw_mcp.calls.app import App
-from atw_mcp.calls.jobs import LongWork, Progress
+from atw_mcp.calls.jobs import LongWork, Progress, time_left
 from atw_mcp.calls.limits import VARIABLE, Limits, LimitsError, machine_memory, resident_bytes
 from atw_mcp.calls.results import Answer
+from atw_mcp.worlds.rollouts import compute_rollout
 from polyworld.expressions.units import parse_unit
+from polyworld.solver.core import patience
+from polyworld.world import World
+from polyworld.world.representations.rope import Rope
 
 
 def waiting(progress: Progress) -> Answer:
@@ -63,3 +67,19 @@ def test_work_that_runs_too_long_is_stopped_and_has_failed(tmp_path: Path) -> No
 def test_a_unit_has_a_limited_length() -> None:
     with pytest.raises(ValueError, match="at most 100 characters"):
         parse_unit("*".join(["m"] * 100_000))
+
+
+def test_a_rollout_that_would_take_too_long_is_refused_with_what_makes_it_slow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(patience, "TRIAL", 0.0)
+    rope = Rope(name="cable", points=((0.0, 0.0, 1.0), (1.2, 0.0, 1.0)), bending_stiffness=0.5)
+    app = App(tmp_path / "atw.db", limits=Limits(rollout_seconds=1e-4))
+    with pytest.raises(ValueError, match=r"\(rollout_seconds\) of this server.*\. Rope 'cable': bend"):
+        compute_rollout(app, World(deformables=(rope,)), 1.0)
+
+
+def test_the_time_left_follows_from_what_was_done() -> None:
+    assert time_left(25.0, 100.0, 20.0) == ", about 60 s left"
+    assert time_left(1.0, 3.0, 3600.0) == ", about 2 h left"
+    assert {time_left(0.0, 1.0, 20.0), time_left(0.5, None, 20.0), time_left(0.5, 1.0, 1.0)} == {""}
