@@ -1,7 +1,7 @@
 """Worlds in, trajectories and events out.
 
-Describe a `World`, `rollout` it or drive it with a `stepper`, `branch` it by interventions, `compare` the rollouts,
-`query` them.
+Describe a `World`, find `overlaps` at its start, `rollout` it or drive it with a `stepper`, `branch` it by
+interventions, `compare` the rollouts, `query` them.
 
 Rooms from the ground up: `core` (arrays of Warp), `effects` (one law a file; add an effect there) and `expressions`,
 `world` (descriptions; `world.materials` is the registry), `model` (meshes), `edits` (interventions), `trajectory`,
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from polyworld.edits.interventions import Intervention, branch
     from polyworld.probing.compare import Comparison, compare
+    from polyworld.probing.overlaps import Overlap, overlaps
     from polyworld.probing.predicates import Predicate
     from polyworld.probing.query import QueryResult, query
     from polyworld.solver.core.saved_state import SavedState
@@ -32,6 +33,7 @@ __all__ = [
     "Control",
     "Event",
     "Intervention",
+    "Overlap",
     "Predicate",
     "QueryResult",
     "Rollout",
@@ -42,6 +44,7 @@ __all__ = [
     "World",
     "branch",
     "compare",
+    "overlaps",
     "query",
     "rollout",
     "simulator",
@@ -53,6 +56,7 @@ __all__ = [
 _HOMES = {
     "polyworld.edits.interventions": ("Intervention", "branch"),
     "polyworld.probing.compare": ("Comparison", "compare"),
+    "polyworld.probing.overlaps": ("Overlap", "overlaps"),
     "polyworld.probing.predicates": ("Predicate",),
     "polyworld.probing.query": ("QueryResult", "query"),
     "polyworld.solver.core.saved_state": ("SavedState",),

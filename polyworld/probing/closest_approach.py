@@ -46,7 +46,7 @@ class ClosestApproach:
 
 
 @dataclass(frozen=True)
-class _Solid:
+class ConvexSet:
     """A convex set: `support` (its furthest point in a direction), grown by `sweep`, inside a ball of `bound`.
 
     half_space: outward unit normal and offset of a plane, instead.
@@ -59,7 +59,7 @@ class _Solid:
     half_space: tuple[Array, float] | None = None
 
 
-_Place = Callable[[float], list[_Solid]]  # the convex pieces of a body at a time
+Place = Callable[[float], list[ConvexSet]]  # the convex pieces of a body at a time
 
 
 def closest_approach(
@@ -74,8 +74,8 @@ def closest_approach(
     """
     if a in trajectory.deformables or b in trajectory.deformables:
         return _of_points(world, trajectory, a, b, interval)
-    first, second = _place(world, trajectory, a), _place(world, trajectory, b)
-    if first is None or second is None or (world.planar and not _same_height(world, a, b)):
+    first, second = place_of(world, trajectory, a), place_of(world, trajectory, b)
+    if first is None or second is None or (world.planar and not same_height(world, a, b)):
         return None
     times = trajectory.times
     inner = (times > interval[0]) & (times < interval[1])
@@ -117,8 +117,8 @@ def surface_gaps(world: World, trajectory: Trajectory, a: str, b: str, rows: NDA
     if a in trajectory.deformables or b in trajectory.deformables:
         soft, other = (a, b) if a in trajectory.deformables else (b, a)
         return point_gaps(world, trajectory, soft, other, rows)
-    first, second = _place(world, trajectory, a), _place(world, trajectory, b)
-    if first is None or second is None or (world.planar and not _same_height(world, a, b)):
+    first, second = place_of(world, trajectory, a), place_of(world, trajectory, b)
+    if first is None or second is None or (world.planar and not same_height(world, a, b)):
         return None
     return np.array([_least(_gap, first(float(t)), second(float(t))) for t in trajectory.times[rows]])
 
@@ -151,8 +151,8 @@ def _of_points(
     return ClosestApproach(float(gaps[at]), float(trajectory.times[rows[at]]), b)
 
 
-def _place(world: World, trajectory: Trajectory, name: str) -> _Place | None:
-    """The body as a function of time; None where it has no surface to measure to."""
+def place_of(world: World, trajectory: Trajectory, name: str) -> Place | None:
+    """Return the body as a function of time; None where it has no surface to measure to."""
     static = next((s for s in world.statics if s.name == name), None)
     if static is not None:
         solid = _static(world, static)
@@ -165,7 +165,7 @@ def _place(world: World, trajectory: Trajectory, name: str) -> _Place | None:
     outline = body_outline(item, axes)
     back = geometry.quaternion_matrix(np.asarray(item.orientation)).T
 
-    def there(time: float) -> list[_Solid]:
+    def there(time: float) -> list[ConvexSet]:
         position, rotation = _pose(trajectory, column, time)
         turn = axes[:2] @ rotation @ back @ axes[:2].T
         return [_points(outline.vertices @ turn.T + axes[:2] @ position, outline.sweep, axes[:2] @ position)]
@@ -173,7 +173,7 @@ def _place(world: World, trajectory: Trajectory, name: str) -> _Place | None:
     return there
 
 
-def _static(world: World, item: StaticObject) -> _Solid | None:
+def _static(world: World, item: StaticObject) -> ConvexSet | None:
     turn, position = geometry.quaternion_matrix(np.asarray(item.orientation)), np.asarray(item.position)
     if world.planar:
         plane = world.environment.motion_plane
@@ -190,14 +190,15 @@ def _static(world: World, item: StaticObject) -> _Solid | None:
     return _solid(item.shape, position, turn)
 
 
-def _flat_static(outline: Outline) -> _Solid:
+def _flat_static(outline: Outline) -> ConvexSet:
     if len(outline.vertices) == 0:
         return _half_space(np.array(outline.pose[:2]), outline.pose[2])
     centre = np.array(outline.pose[:2])
     return _points(outline.vertices + centre, outline.sweep, centre)
 
 
-def _same_height(world: World, a: str, b: str) -> bool:
+def same_height(world: World, a: str, b: str) -> bool:
+    """Return whether two bodies of a planar world can meet: their extents along the plane's normal overlap."""
     plane = world.environment.motion_plane
     axes = geometry.plane_axes(plane)
     statics = {s.name: s for s in world.statics}
@@ -227,14 +228,14 @@ def _pose(trajectory: Trajectory, column: int, time: float) -> tuple[Array, Arra
     return (1 - share) * p[k] + share * p[k + 1], geometry.quaternion_matrix(turned / np.linalg.norm(turned))
 
 
-def _solids(shape: geometry.Solid, position: Array, rotation: Array) -> list[_Solid]:
+def _solids(shape: geometry.Solid, position: Array, rotation: Array) -> list[ConvexSet]:
     return [
         _solid(piece.shape, position + rotation @ piece.position, rotation @ piece.rotation)
         for piece in geometry.pieces(shape)
     ]
 
 
-def _solid(shape: geometry.ConvexShape, position: Array, rotation: Array) -> _Solid:
+def _solid(shape: geometry.ConvexShape, position: Array, rotation: Array) -> ConvexSet:
     if isinstance(shape, Sphere):
         return _points(position[None], shape.radius, position)
     if isinstance(shape, Capsule):
@@ -250,7 +251,7 @@ def _solid(shape: geometry.ConvexShape, position: Array, rotation: Array) -> _So
             out = across * (radius / length) if length > 1e-12 else np.zeros(3)
             return position + out + axis * (half if along >= 0 else -half)
 
-        return _Solid(rim, position, 0.0, float(np.hypot(radius, half)))
+        return ConvexSet(rim, position, 0.0, float(np.hypot(radius, half)))
     if isinstance(shape, Box):
         corners = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1], indexing="ij"), axis=-1).reshape(-1, 3)
         local = corners * np.asarray(shape.half_extents)
@@ -259,23 +260,23 @@ def _solid(shape: geometry.ConvexShape, position: Array, rotation: Array) -> _So
     return _points(local @ rotation.T + position, 0.0, position)
 
 
-def _points(points: Array, sweep: float, centre: Array) -> _Solid:
+def _points(points: Array, sweep: float, centre: Array) -> ConvexSet:
     bound = float(np.linalg.norm(points - centre, axis=1).max()) + sweep
-    return _Solid(lambda direction: points[int(np.argmax(points @ direction))], centre, sweep, bound)
+    return ConvexSet(lambda direction: points[int(np.argmax(points @ direction))], centre, sweep, bound)
 
 
-def _half_space(normal: Array, offset: float) -> _Solid:
+def _half_space(normal: Array, offset: float) -> ConvexSet:
     def nowhere(direction: Array) -> Array:
         raise AssertionError(f"a half space reaches for ever in direction {direction}")
 
-    return _Solid(nowhere, normal * offset, half_space=(normal, offset))
+    return ConvexSet(nowhere, normal * offset, half_space=(normal, offset))
 
 
-def _least(measure: Callable[[_Solid, _Solid], float], a: list[_Solid], b: list[_Solid]) -> float:
+def _least(measure: Callable[[ConvexSet, ConvexSet], float], a: list[ConvexSet], b: list[ConvexSet]) -> float:
     return min(measure(p, q) for p in a for q in b)
 
 
-def _lowest_gap(a: _Solid, b: _Solid) -> float:
+def _lowest_gap(a: ConvexSet, b: ConvexSet) -> float:
     """A number no larger than the gap, from the balls around both."""
     if b.half_space is not None:
         normal, offset = b.half_space
@@ -283,7 +284,7 @@ def _lowest_gap(a: _Solid, b: _Solid) -> float:
     return float(np.linalg.norm(a.centre - b.centre)) - a.bound - b.bound
 
 
-def _gap(a: _Solid, b: _Solid) -> float:
+def _gap(a: ConvexSet, b: ConvexSet) -> float:
     """Distance of the surfaces of two convex bodies, 0 where they overlap [m]."""
     if b.half_space is not None:
         normal, offset = b.half_space
@@ -291,7 +292,7 @@ def _gap(a: _Solid, b: _Solid) -> float:
     return max(_distance(a, b) - a.sweep - b.sweep, 0.0)
 
 
-def _distance(a: _Solid, b: _Solid) -> float:
+def _distance(a: ConvexSet, b: ConvexSet) -> float:
     """Distance of two convex sets given by their supports.
 
     The point of their difference nearest the origin is sought among the convex combinations of support points,
