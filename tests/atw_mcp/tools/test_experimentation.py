@@ -232,7 +232,7 @@ def test_nothing_is_known_after_a_divergence(app: App) -> None:
         tools.read_trajectory(app, identifier, "striker", interval=[0.0, 1.0])
 
 
-def test_objects_moved_into_each_other_are_warned_of(app: App, roll: Callable[..., Answer]) -> None:
+def test_objects_moved_into_each_other_are_warned_of(roll: Callable[..., Answer]) -> None:
     """The discs' centres are set one radius apart."""
     place = [*two_discs().object("striker").position]
     moved = roll([{"action": "move", "object": "target", "position": [place[0] + RADIUS, *place[1:]]}])
