@@ -49,8 +49,9 @@ def overlaps(world: World, rollout: Rollout) -> tuple[Overlap, ...]:
     joined = {frozenset((j.object, j.other)) for j in world.joints if j.other is not None and j.kind != "spring"}
     bodies = [o.name for o in world.objects]
     pairs = [*combinations(bodies, 2), *((name, s.name) for name in bodies for s in world.statics)]
+    pieces = _Pieces(world, trajectory)
     found = [
-        _of_bodies(world, trajectory, a, b, _start(trajectory, a, b))
+        _of_bodies(pieces, a, b, _start(trajectory, a, b))
         for a, b in pairs
         if frozenset((a, b)) not in joined and (not world.planar or same_height(world, a, b))
     ]
@@ -63,6 +64,22 @@ def overlaps(world: World, rollout: Rollout) -> tuple[Overlap, ...]:
     return tuple(sorted((o for o in found if o is not None), key=lambda o: (-o.depth, o.a, o.b)))
 
 
+class _Pieces:
+    """The convex pieces of bodies and statics at the times asked for, each found once."""
+
+    def __init__(self, world: World, trajectory: Trajectory) -> None:
+        self.trajectory = trajectory
+        self._world = world
+        self._found: dict[tuple[str, float], list[ConvexSet]] = {}
+
+    def at(self, name: str, time: float) -> list[ConvexSet]:
+        """Return the pieces of a body; none of a triangle mesh."""
+        if (name, time) not in self._found:
+            place = place_of(self._world, self.trajectory, name)
+            self._found[name, time] = [] if place is None else place(time)
+        return self._found[name, time]
+
+
 def _start(trajectory: Trajectory, a: str, b: str) -> int | None:
     """Return the first sample at which both take part; a static always does."""
     there = np.ones(len(trajectory.times), dtype=bool)
@@ -71,12 +88,13 @@ def _start(trajectory: Trajectory, a: str, b: str) -> int | None:
     return int(np.argmax(there)) if there.any() else None
 
 
-def _of_bodies(world: World, trajectory: Trajectory, a: str, b: str, row: int | None) -> Overlap | None:
-    first, second = place_of(world, trajectory, a), place_of(world, trajectory, b)
-    if row is None or first is None or second is None:
+def _of_bodies(pieces: _Pieces, a: str, b: str, row: int | None) -> Overlap | None:
+    if row is None:
         return None
-    time = float(trajectory.times[row])
-    ours, theirs = first(time), second(time)
+    time = float(pieces.trajectory.times[row])
+    ours, theirs = pieces.at(a, time), pieces.at(b, time)
+    if not (ours and theirs):
+        return None
     least = SHARE * min(max(p.bound for p in ours), max(q.bound for q in theirs))
     depth = max(_depth(p, q, least) for p in ours for q in theirs)
     return Overlap(a, b, depth, time) if depth > least else None
