@@ -149,6 +149,7 @@ def content_of(result: Rollout) -> tuple[dict[str, Any], dict[str, np.ndarray[An
         "diverged_time": result.diverged_time,
         "diverged_object": result.diverged_object,
         "diverged_element": result.diverged_element,
+        "diverged_reason": result.diverged_reason,
         "truncated": None if result.truncated is None else asdict(result.truncated),
         "contacts_until": result.contacts_until,
     }
@@ -187,6 +188,7 @@ def rollout_from(document: Mapping[str, Any], arrays: Mapping[str, np.ndarray[An
         diverged_time=document["diverged_time"],
         diverged_object=document["diverged_object"],
         diverged_element=document.get("diverged_element"),
+        diverged_reason=document.get("diverged_reason"),
         truncated=None if document.get("truncated") is None else Truncation(**document["truncated"]),
         contacts_until=document.get("contacts_until"),
     )

@@ -15,6 +15,7 @@ from polyworld.core import interruption
 from polyworld.model import model_of
 from polyworld.solver.core.patience import PATIENCE, in_words
 from polyworld.solver.core.saved_state import SavedState
+from polyworld.solver.energy_watch import watch
 from polyworld.solver.stepper import NO_COUPLED_STATE, Stepper
 from polyworld.trajectory import BatchTrajectory, Rollout
 from polyworld.trajectory.events import all_events
@@ -176,8 +177,8 @@ def rollout(
     machine = simulator(
         world, times, record_events=record_events, threads=1, progress=progress, start=start, patience=patience
     )
-    batch = machine.run()
-    found = _rollout_of(world, batch, 0, horizon)
+    batch, reasons = watch(machine.run(), [world], from_start=start is None)
+    found = _rollout_of(world, batch, 0, horizon, reasons[0])
     return found if start is None else replace(found, events=tuple(e for e in found.events if e.time >= start.time))
 
 
@@ -256,10 +257,10 @@ def rollouts(
     machine = simulator(
         world, times, n_worlds=len(members), record_events=record_events, progress=progress, patience=patience
     )
-    batch = machine.run(overrides)
+    batch, reasons = watch(machine.run(overrides), members)
     frame = world.time.seconds_per_frame
     return tuple(
-        _rollout_of(member, batch, i, horizon * member.time.seconds_per_frame / frame)
+        _rollout_of(member, batch, i, horizon * member.time.seconds_per_frame / frame, reasons[i])
         for i, member in enumerate(members)
     )
 
@@ -288,8 +289,8 @@ def sampled_times(world: World, horizon: float, sample_interval: float | None = 
     return times
 
 
-def _rollout_of(world: World, batch: BatchTrajectory, index: int, horizon: float) -> Rollout:
-    """The rollout of one world of a batch."""
+def _rollout_of(world: World, batch: BatchTrajectory, index: int, horizon: float, reason: str | None) -> Rollout:
+    """The rollout of one world of a batch. reason: why it diverged."""
     interruption.check()
     trajectory = batch.world(index)
     diverged, truncated = bool(batch.diverged[index]), batch.truncated.get(index)
@@ -305,6 +306,7 @@ def _rollout_of(world: World, batch: BatchTrajectory, index: int, horizon: float
         diverged_time=float(batch.diverged_time[index]) if diverged else None,
         diverged_object=batch.names[int(batch.diverged_object[index])] if diverged else None,
         diverged_element=int(element[index]) if diverged and element is not None else None,
+        diverged_reason=reason,
         truncated=truncated,
         contacts_until=until,
     )

@@ -102,7 +102,8 @@ class Truncation:
 class Rollout:
     """A world run forward: deterministic, so equal worlds and horizons give equal bytes.
 
-    truncated: when and why the run was ended early, though nothing diverged. contacts_until: contact and release events
+    diverged_reason: in words, None where the state was no number or too fast. truncated: when and why the run was ended
+    early, though nothing diverged. contacts_until: contact and release events
     are known up to this time [s] only, 0 where events were not recorded (then there is none of any kind); None where
     they are known throughout.
     """
@@ -115,6 +116,7 @@ class Rollout:
     diverged_time: float | None = None
     diverged_object: str | None = None
     diverged_element: int | None = None  # node of a deformable object
+    diverged_reason: str | None = None
     truncated: Truncation | None = None
     contacts_until: float | None = None
 
@@ -125,7 +127,8 @@ class Rollout:
         if self.status == "completed":
             return None
         node = "" if self.diverged_object not in self.trajectory.deformables else f", node {self.diverged_element}"
-        return f"diverged at {self.diverged_time:.4g} s ({self.diverged_object}{node})"
+        reason = "" if self.diverged_reason is None else f": {self.diverged_reason}"
+        return f"diverged at {self.diverged_time:.4g} s ({self.diverged_object}{node}){reason}"
 
     def why_no_contacts(self) -> str | None:
         """Return why contacts are not known throughout, in words; None where they are."""

@@ -1,0 +1,171 @@
+"""The most energy that can come into a world's motion: stored at the start, and by the work of what acts on it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.model import model_of
+from polyworld.trajectory import Trajectory
+from polyworld.world import World
+from polyworld.world.parameters import object_mass
+from polyworld.world.representations.joint import Spring
+from polyworld.world.representations.rope import Rope
+
+Array = NDArray[np.float64]
+
+# Ways are those of the samples, along which speeds may peak in between: twice the work that they show is allowed.
+BETWEEN = 2.0
+STEEPEST = 1.5  # half an angle between links that counts [rad]: a fold has no finite curvature
+UNSEEN = 0.01  # strain of a rope that runs over pulleys, whose arcs have no nodes
+# Effects that take energy or do no work; those whose force is bounded below do work that is.
+PASSIVE = frozenset(
+    (
+        "air_drag",
+        "bounce_friction",
+        "friction_patch",
+        "linear_damping",
+        "linear_drag",
+        "magnus_lift",
+        "quadratic_damping",
+        "quadratic_drag",
+        "restitution_speed",
+        "spin_damping",
+        "spin_drag",
+        "viscous_friction",
+        "coriolis",
+    )
+)
+BOUNDED = frozenset(
+    (
+        "buoyancy",
+        "central_force",
+        "fan",
+        "periodic_forcing",
+        "spring",
+        "tether",
+        "uniform_acceleration",
+        "uniform_force",
+        "wind",
+    )
+)
+
+
+def unbounded(world: World) -> tuple[str, ...]:
+    """Name what may do work on a world's objects that is not bounded here."""
+    found = [a.name for a in world.attachments if a.motion]
+    found += [e.name for e in (*world.emitters, *world.drains)]
+    found += [e.name for e in world.effects if e.kind not in PASSIVE | BOUNDED]
+    return tuple(found)
+
+
+def stored_energy(world: World) -> float:
+    """Elastic energy of springs and ropes at the start, or somewhat more [J]."""
+    total = 0.0
+    for joint in world.joints:
+        if isinstance(joint, Spring):
+            stretch = float(np.linalg.norm(np.subtract(joint.anchor, joint.other_anchor))) - joint.length
+            total += 0.5 * joint.stiffness * stretch**2
+    for item in world.deformables:
+        if isinstance(item, Rope):
+            total += _stored_in_rope(world, item)
+    return total
+
+
+def work(world: World, motion: Trajectory, masses: Array) -> Array:
+    """Most work (T,) that motors, wind and effects can have done by each sample [J]. masses (n,): of the objects."""
+    steps = np.diff(motion.times, prepend=motion.times[0])[:, None]
+    ways = np.cumsum(_upper(motion.velocities) * steps, axis=0)
+    turns = np.cumsum(_upper(motion.angular_velocities) * steps, axis=0)
+    total = np.zeros(len(motion.times))
+    for joint in world.joints:
+        motor = getattr(joint, "motor", None)
+        if motor is not None:
+            gone = turns if joint.kind == "hinge" else ways
+            bodies = [motion.index(name) for name in (joint.object, joint.other) if name is not None]
+            driven = abs(motor.target_speed or 0.0) * (motion.times - motion.times[0])
+            total += motor.limit * (gone[:, bodies].sum(axis=1) + driven)
+    air, wind = world.environment.air_density, float(np.linalg.norm(world.environment.wind))
+    for sheet in world.of_form("sheet"):
+        area = float(model_of(world).mesh(sheet.name).measure.sum())
+        most = 0.5 * air * (sheet.drag_normal + sheet.drag_tangential) * area * (2.0 * wind) ** 2
+        total += most * ways[:, motion.index(sheet.name)]
+    for effect in world.effects:
+        if effect.kind in BOUNDED:
+            for name in effect.objects or motion.names:
+                k = motion.index(name)
+                reach = float(np.nanmax(np.linalg.norm(motion.positions[:, k], axis=1), initial=0.0))
+                total += _force(effect.kind, effect.parameters, float(masses[k]), reach, world) * ways[:, k]
+    return BETWEEN * total
+
+
+def _upper(velocities: Array) -> Array:
+    """Higher speeds (T, n) of each sample and the one before."""
+    speeds = np.linalg.norm(np.nan_to_num(velocities), axis=-1)
+    speeds[1:] = np.maximum(speeds[1:], speeds[:-1])
+    return speeds
+
+
+def _force(kind: str, p: dict[str, float], mass: float, reach: float, world: World) -> float:
+    """Largest force of an effect on a body that stays within `reach` of the origin [N]."""
+
+    def size(name: str) -> float:
+        return float(sum(abs(p.get(f"{name}{axis}", 0.0)) for axis in "xyz"))
+
+    if kind == "uniform_acceleration":
+        return mass * size("")
+    if kind == "uniform_force":
+        return size("")
+    if kind == "periodic_forcing":
+        return mass * size("amplitude_")
+    if kind == "fan":
+        return size("force_")
+    if kind == "wind":
+        return 4.0 * p["coefficient"] * size("velocity_") ** 2
+    if kind in ("spring", "tether"):
+        return p["stiffness"] * (reach + size("anchor_") + p["rest_length"])
+    if kind == "central_force":
+        far = reach + size("centre_") + p["softening"]
+        return abs(p["strength"]) * max(far ** p["exponent"], p["softening"] ** p["exponent"])
+    return mass * float(np.linalg.norm(world.environment.gravity)) * abs(p["density_ratio"])  # buoyancy
+
+
+def _stored_in_rope(world: World, rope: Rope) -> float:
+    mesh = model_of(world).mesh(rope.name)
+    rest = float(mesh.measure.sum())
+    links = np.diff(mesh.nodes, axis=0)
+    lengths = np.linalg.norm(links, axis=1)
+    pulleys = [p for p in world.pulleys if p.rope == rope.name]
+    strains = lengths * len(lengths) / rest - 1.0
+    if pulleys:
+        around = sum(2.0 * np.pi * p.radius for p in pulleys)
+        stretched = (float(lengths.sum()) + around) / rest - 1.0 if rope.length is not None else 0.0
+        strains = np.array([max(stretched, UNSEEN)])
+    cell = rest / len(lengths)
+    total = 0.5 * rope.stretch_stiffness * rest * float(np.mean(np.maximum(strains, 0.0) ** 2))
+    # A link that is pushed together bears its Euler load at most (`rope.stretch`).
+    total += np.pi**2 * rope.bending_stiffness / cell**2 * float(np.maximum(cell - lengths, 0.0).sum())
+    if rope.bending_stiffness > 0.0 and not rope.curved_at_rest:
+        unit = links / lengths[:, None]
+        half = 0.5 * np.arccos(np.clip((unit[1:] * unit[:-1]).sum(axis=1), -1.0, 1.0))
+        total += 2.0 * rope.bending_stiffness / cell * float((np.tan(np.minimum(half, STEEPEST)) ** 2).sum())
+    return total
+
+
+def masses_of(world: World) -> Array:
+    """Masses (n,) of the objects [kg]; of a liquid, that of its start."""
+    rigid = [object_mass(o) for o in world.objects]
+    return np.array([*rigid, *(float(points_masses(world, d.name).sum()) for d in world.deformables)])
+
+
+def points_masses(world: World, name: str, points: int | None = None) -> Array:
+    """Masses of a deformable object's nodes or particles [kg], of a slice's per metre of it."""
+    model = model_of(world)
+    item, material = world.deformable(name), model.materials[name]
+    density = float(getattr(item, material.density))
+    if material.form == "liquid":
+        assert world.fluid_grid is not None
+        size = (world.fluid_grid.cell / 2.0) ** (2 if world.planar else 3)
+        return np.full(len(model.mesh(name).nodes) if points is None else points, density * size)
+    found: Array = density * model.mesh(name).measure
+    return found

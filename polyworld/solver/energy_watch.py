@@ -1,0 +1,144 @@
+"""Find runs whose mechanical energy grows though nothing gives it: they diverge, and are not to be believed.
+
+Kinetic energy gained since the start is at most the energy that weight and elastic parts gave, and the work of motors,
+wind and effects (`energy_sources`): elastic energy is not negative, and contacts, joints and resistances only take.
+This is checked at the samples. Worlds with led attachments, emitters, drains or effects of unknown force have no such
+bound and are not checked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.model import model_of
+from polyworld.solver.energy_sources import masses_of, points_masses, stored_energy, unbounded, work
+from polyworld.trajectory import BatchTrajectory, Trajectory
+from polyworld.world import World, geometry
+from polyworld.world.representations.joint import Spring
+
+Array = NDArray[np.float64]
+
+# Share of the energy that there was to become motion by which it may be exceeded: contacts and unresolved stretch err
+# by up to 10% at the coarsest steps that the tests hold, explosions by orders of magnitude.
+TOLERANCE = 0.25
+# Objects that overlap at the start are parted by up to their size, at this speed at most [m/s].
+PARTING = 1.0
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Energy out of nothing: when it was first seen [s], in which moving object, at which of its nodes, in words."""
+
+    time: float
+    object: int
+    element: int
+    reason: str
+
+
+def find_growth(world: World, motion: Trajectory) -> Growth | None:
+    """Return where a world's energy first exceeds its bound at a sample of its motion; None where it does not."""
+    if len(motion.times) < 2 or unbounded(world):
+        return None
+    kinetic, excess, available = balance(world, motion)
+    beyond = np.flatnonzero(np.isfinite(excess) & (excess > TOLERANCE * available + _parting(world)))
+    if not len(beyond):
+        return None
+    t = int(beyond[0])
+    worst = int(np.argmax(kinetic[t] - kinetic[0]))
+    name = motion.names[worst]
+    element = 0
+    if name in motion.deformables:
+        element = int(np.nanargmax(np.linalg.norm(motion.deformables[name].velocities[t], axis=-1)))
+    held = [repr(a.name) for a in world.attachments if name in (a.object, a.to)]
+    reason = (
+        f"its kinetic energy exceeds by {excess[t]:.3g} J the {available[t]:.3g} J that there was"
+        f"{', and it is held by ' + ', '.join(held) if held else ''}; take a shorter substep"
+    )
+    return Growth(float(motion.times[t]), worst, element, reason)
+
+
+def balance(world: World, motion: Trajectory) -> tuple[Array, Array, Array]:
+    """Kinetic energies (T, n); by how much (T,) they exceed what there was to become motion, and that (T,) [J]."""
+    kinetic, weight = _energies(world, motion)
+    lost = weight[0].sum() - weight.sum(axis=1)
+    there = kinetic[0].sum() + stored_energy(world) + work(world, motion, masses_of(world))
+    available = there + np.maximum.accumulate(np.maximum(np.nan_to_num(lost), 0.0))
+    return kinetic, kinetic.sum(axis=1) - lost - there, available
+
+
+def watch(
+    batch: BatchTrajectory, members: Sequence[World], *, from_start: bool = True
+) -> tuple[BatchTrajectory, tuple[str | None, ...]]:
+    """Mark as diverged the worlds of a batch whose energy grows out of nothing, and say why.
+
+    from_start: whether the first sample is the worlds' own start; from a state saved later, what springs store is not
+    known, and worlds with springs are not checked.
+    """
+    if not from_start and any(isinstance(j, Spring) for m in members for j in m.joints):
+        return batch, (None,) * len(members)
+    diverged, times = batch.diverged.copy(), batch.diverged_time.copy()
+    objects = batch.diverged_object.copy()
+    elements = np.full(len(members), -1) if batch.diverged_element is None else batch.diverged_element.copy()
+    truncated = dict(batch.truncated)
+    reasons: list[str | None] = []
+    for w, member in enumerate(members):
+        found = find_growth(member, batch.world(w))
+        reasons.append(None if found is None else found.reason)
+        if found is not None:
+            diverged[w], times[w], objects[w], elements[w] = True, found.time, found.object, found.element
+            truncated.pop(w, None)
+    if not any(reasons):
+        return batch, tuple(reasons)
+    marked = replace(
+        batch,
+        diverged=diverged,
+        diverged_time=times,
+        diverged_object=objects,
+        diverged_element=elements,
+        truncated=truncated,
+        events=tuple(
+            events if reason is None else tuple(e for e in events if e.time < times[w])
+            for w, (events, reason) in enumerate(zip(batch.events, reasons, strict=True))
+        ),
+    )
+    return marked, tuple(reasons)
+
+
+def _energies(world: World, motion: Trajectory) -> tuple[Array, Array]:
+    """Kinetic energy and energy of weight (T, n) of all objects [J]; what has not joined counts as at its start."""
+    gravity = np.asarray(world.environment.gravity, dtype=float)
+    solids, masses = model_of(world).solids, masses_of(world)
+    kinetic, weight = np.zeros(motion.positions.shape[:2]), np.zeros(motion.positions.shape[:2])
+    for k, item in enumerate(world.objects):
+        here = motion.active[:, k, None]
+        x = np.where(here, motion.positions[:, k], item.position)
+        v = np.where(here, motion.velocities[:, k], item.velocity)
+        w = np.where(here, motion.angular_velocities[:, k], item.angular_velocity)
+        turns = geometry.quaternion_matrix(np.where(here, motion.orientations[:, k], item.orientation))
+        spin = np.einsum("tji,tj->ti", turns, w)
+        inertia = solids[k].inertia * (masses[k] / solids[k].volume)
+        kinetic[:, k] = 0.5 * masses[k] * (v**2).sum(axis=1) + 0.5 * np.einsum("ti,ij,tj->t", spin, inertia, spin)
+        weight[:, k] = -masses[k] * x @ gravity
+    for item in world.deformables:
+        k, points = motion.names.index(item.name), motion.deformables[item.name]
+        mass = points_masses(world, item.name, points.points.shape[-2])
+        kinetic[:, k] = 0.5 * np.nan_to_num((points.velocities**2).sum(axis=-1)) @ mass
+        weight[:, k] = -np.nan_to_num(points.points @ gravity) @ mass
+    return kinetic, weight
+
+
+def _parting(world: World) -> float:
+    """Energy that parting overlaps may give: objects overlap by no more than they are thick [J]."""
+    gravity = float(np.linalg.norm(world.environment.gravity))
+    model = model_of(world)
+    thick = [float(np.cbrt(solid.volume)) for solid in model.solids]
+    for item in world.deformables:
+        mesh = model.mesh(item.name)
+        solid = model.materials[item.name].form in ("solid", "liquid") and len(mesh.nodes) > 0
+        flat = np.ptp(mesh.nodes, axis=0) if solid else np.zeros(3)
+        thick.append(float(flat[flat > 0.0].min()) if solid else 2.0 * float(np.max(mesh.radius, initial=0.0)))
+    return float(masses_of(world) @ (gravity * np.array(thick) + 0.5 * PARTING**2)) if thick else 0.0
