@@ -54,9 +54,10 @@ def find_growth(world: World, motion: Trajectory) -> Growth | None:
     if name in motion.deformables:
         element = int(np.nanargmax(np.linalg.norm(motion.deformables[name].velocities[t], axis=-1)))
     held = [repr(a.name) for a in world.attachments if name in (a.object, a.to)]
+    fastened = f", and it is held by {', '.join(held)}" if held else ""
     reason = (
-        f"its kinetic energy exceeds by {excess[t]:.3g} J the {available[t]:.3g} J that there was"
-        f"{', and it is held by ' + ', '.join(held) if held else ''}; take a shorter substep"
+        f"its kinetic energy exceeds by {excess[t]:.3g} J the {available[t]:.3g} J that there was{fastened}; "
+        "start it without overlaps, or take a shorter substep"
     )
     return Growth(float(motion.times[t]), worst, element, reason)
 
