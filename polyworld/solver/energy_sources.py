@@ -74,6 +74,8 @@ def stored_energy(world: World) -> float:
 
 def work(world: World, motion: Trajectory, masses: Array) -> Array:
     """Most work (T,) that motors, wind and effects can have done by each sample [J]. masses (n,): of the objects."""
+    if not (world.effects or world.joints or np.any(world.environment.wind)):
+        return np.zeros(len(motion.times))
     steps = np.diff(motion.times, prepend=motion.times[0])[:, None]
     ways = np.cumsum(_upper(motion.velocities) * steps, axis=0)
     turns = np.cumsum(_upper(motion.angular_velocities) * steps, axis=0)
