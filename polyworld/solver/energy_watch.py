@@ -145,8 +145,8 @@ def _add_rigid(
     if not motion.active[:count, :n].all():
         here = motion.active[:count, :n, None]
         names = ("position", "velocity", "angular_velocity", "orientation")
-        begun = (np.array([getattr(o, name) for o in world.objects]) for name in names)
-        x, v, w, q = (np.where(here, values, start) for values, start in zip((x, v, w, q), begun, strict=True))
+        initial = (np.array([getattr(o, name) for o in world.objects]) for name in names)
+        x, v, w, q = (np.where(here, values, start) for values, start in zip((x, v, w, q), initial, strict=True))
     weight[:, :n] = -(x @ gravity) * masses[:n]
     kinetic[:, :n] = 0.5 * (v * v).sum(axis=2) * masses[:n]
     if exact:
