@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import time
+import traceback
 from pathlib import Path
 from types import ModuleType
 
@@ -55,6 +56,9 @@ def run(name: str, quick: bool, plots: Path | None) -> str:
         tables = module.tables(quick)
     except SkippedError as skipped:
         return f"{title}\n\n{skipped}."
+    except Exception as error:  # the other sections are worth having
+        traceback.print_exc()
+        return f"{title}\n\nfailed: {type(error).__name__}: {error}"
     if plots is not None and hasattr(module, "plot"):
         module.plot(tables, plots)
     took = f"{'Quick run, ' if quick else ''}{time.perf_counter() - began:.0f} s."

@@ -10,7 +10,7 @@ import importlib.util
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from tests.benchmarks.peers import accuracy, limit, measures, scenes
+from tests.benchmarks.peers import accuracy, limit, measures, progress, scenes
 from tests.benchmarks.peers.engine import Engine
 from tests.benchmarks.peers.machine import THREADS
 from tests.benchmarks.peers.mujoco_engine import MuJoCo
@@ -80,6 +80,7 @@ def _rows(
     blank: int,
 ) -> list[tuple[str, ...]]:
     """Rows of one scene: label, engine, wall and CPU times, times as fast as the fastest peer, and measures."""
+    progress.show(f"{label}: {len(scene.bodies)} bodies, {scene.duration:g} s")
     ready, refused = prepared((*engines, *peers), scene, worlds, INTERVAL)
     times, failed = interleaved({name: run.run for name, run in ready.items()}, repeats)
     names = [peer.name for peer in peers]

@@ -16,7 +16,7 @@ import numpy as np
 from polyworld.solver.rollout import simulator
 from polyworld.world import World
 from tests.benchmarks.fluid_speed import column
-from tests.benchmarks.peers import records
+from tests.benchmarks.peers import progress, records
 from tests.benchmarks.peers.memory import peak_megabytes
 from tests.benchmarks.peers.polyworld_engine import world_of
 from tests.benchmarks.peers.scenes import BALL, Body, Scene, pile, six
@@ -55,6 +55,7 @@ def exponent(sizes: Sequence[float], values: Sequence[float]) -> float:
 
 def _measured(size: int, prepare: Callable[[], Callable[[], object]]) -> Point:
     """Prepare and run twice: the second times count, since the first may compile kernels."""
+    progress.show(f"growth: size {size}")
     prepare()()
     taken = [0.0, 0.0]
 

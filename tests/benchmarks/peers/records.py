@@ -16,6 +16,7 @@ from atw_mcp.client import Session, connected
 from atw_mcp.printing import ProgressLine
 from atw_mcp.server import build_server
 from evidence_store import Evidence, EvidenceStore
+from tests.benchmarks.peers import progress
 from tests.benchmarks.peers.table import Table
 
 CASE = "case"
@@ -115,6 +116,7 @@ def tables(quick: bool) -> list[Table]:
         store.cases.add(CASE, content="x", kind="data", path="x", facts={})
         held = 0
         for size in sizes:
+            progress.show(f"{size} evidence records")
             bulk = fill(store, held, size)
             found = of_store(store, size)
             held = size

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tests.benchmarks.peers import progress
 from tests.benchmarks.peers.table import Table
 
 HORIZON = 0.02  # [s]: ten steps of 2 ms
@@ -109,6 +110,7 @@ def tables(quick: bool) -> list[Table]:
     kinds = ("planar", "spatial") if quick else (*KINDS, *PEERS)
     rows = []
     for kind in kinds:
+        progress.show(f"first rollout: {kind}")
         if kind.startswith("Newton") and importlib.util.find_spec("newton") is None:
             rows.append((kind, "not installed", *[""] * 6))
             continue
@@ -126,9 +128,12 @@ def tables(quick: bool) -> list[Table]:
 
 
 def _row(kind: str, start: Callable[[], Start], cache: Path) -> tuple[str, ...]:
-    cold = start()
-    modules, kernels, megabytes = compiled(cache)
-    warm = start()
+    try:
+        cold = start()
+        modules, kernels, megabytes = compiled(cache)
+        warm = start()
+    except subprocess.CalledProcessError as error:  # a finding, not the end of the comparison
+        return (kind, f"failed: exit code {error.returncode}", *[""] * 6)
     times = (f"{seconds:.2f}" for seconds in (cold.wall, cold.cpu, warm.wall, warm.cpu))
     return (kind, *times, f"{modules}", f"{kernels}", f"{megabytes:.1f}")
 
