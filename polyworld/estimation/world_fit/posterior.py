@@ -26,6 +26,8 @@ from polyworld.estimation.world_fit.search_space import SearchSpace
 from polyworld.estimation.world_fit.sensitivity import sensitivity
 from polyworld.estimation.world_fit.tempering import TemperingSettings, annealed, systematic, tempered
 from polyworld.estimation.world_fit.truncated import TruncatedGaussian
+from polyworld.world import World
+from polyworld.world.parameters import read_parameter
 
 Array = NDArray[np.float64]
 
@@ -38,13 +40,14 @@ UNFITTED = ("friction", "restitution", "mass")
 
 @dataclass(frozen=True)
 class PosteriorSample:
-    """Equally probable parameter values of a fitted world, in random order.
+    """Equally probable parameter values of a fitted world, in random order after the best fit itself.
 
     values (N, P): of the unknowns: those that were fitted, contact parameters and masses that the tracks cannot show,
-    and the places of objects that do not move. from_bounds: names of unknowns that the data do not
-    determine, drawn from their bounds. minima: how many minima the members come from. tempering: exponent of the
-    importance weights, 1 where the linearised misfit describes the simulated one well; effective: number of candidates
-    of equal weight that the `candidates` are worth. until [s]: time of the last sample that was fitted.
+    and the places of objects that do not move. The first are those of the best fit, so that what is predicted from it
+    lies within the ensemble also where its misfit is far from quadratic. from_bounds: names of unknowns that the data
+    do not determine, drawn from their bounds. minima: how many minima the members come from. tempering: exponent of
+    the importance weights, 1 where the linearised misfit describes the simulated one well; effective: number of
+    candidates of equal weight that the `candidates` are worth. until [s]: time of the last sample that was fitted.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -148,9 +151,12 @@ def sample_posterior(
         assert unknown.prior is not None
         own = np.clip(rng.normal(*unknown.prior, count), unknown.lower, unknown.upper)
         values = np.concatenate([values, own[:, None]], axis=1)
+    # What the fit left open keeps the world's own values in the best fit.
+    own_values = [_own_value(problem.world, u) for u in (*more, *still)]
+    best = np.concatenate([space.values(minima[0].centre), own_values])
     return PosteriorSample(
         unknowns=(*space.unknowns, *more, *still),
-        values=values,
+        values=np.concatenate([best[None], values[: count - 1]]),
         from_bounds=(*free, *(u.name for u in more)),
         minima=len(minima),
         tempering=exponent,
@@ -159,6 +165,11 @@ def sample_posterior(
         seed=seed,
         until=float(problem.objective.sample_times[problem.samples - 1]),
     )
+
+
+def _own_value(world: World, unknown: Unknown) -> float:
+    value = read_parameter(world, unknown.paths[0])
+    return unknown.start if value is None else float(value)
 
 
 def _minima(problem: FitProblem, results: Sequence[FitResult]) -> list[_Minimum]:

@@ -10,6 +10,7 @@ from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit import FitProblem, default_unknowns, refine, sample_posterior
 from polyworld.estimation.world_fit.tempering import annealed, systematic, tempered
 from polyworld.estimation.world_fit.truncated import TruncatedGaussian
+from polyworld.world.parameters import read_parameter
 from tests.atw_mcp.two_discs import two_discs
 from tests.polyworld.sliding_block import fitted_block
 
@@ -134,3 +135,10 @@ def test_noise_above_the_stated_widens_the_sample() -> None:
     as_large, as_stated, beyond = widths
     assert beyond == pytest.approx(as_stated, rel=0.3)  # the residuals say 0.004 where 0.001 was stated
     assert as_large > 2.0 * as_stated  # a stated noise is believed where the residuals lie below it
+
+
+def test_the_best_fit_is_the_first_member() -> None:
+    _, fitted, sample = fitted_block(0.2, 1.1, np.random.default_rng(3))
+    for path, (value,) in sample.overrides(1).items():
+        if ".rotation." not in path:  # a fitted world counts them from its own orientation
+            assert value == pytest.approx(read_parameter(fitted, path), abs=1e-12)
