@@ -9,15 +9,22 @@ import numpy as np
 
 from polyworld.model.mesh import DeformableMesh
 from polyworld.model.rope import rope_mesh, round_wheels, threading
-from polyworld.world import World
+from polyworld.world import StaticObject, World
 from polyworld.world.materials import Material, Place
 from polyworld.world.parameter_tables import COMMON, TAU, ParameterSpec
+from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.representations.rope import Rope
+from polyworld.world.shapes import Capsule, Cylinder
 
 if TYPE_CHECKING:
     from polyworld.pictures.deformable_pictures import View
     from polyworld.pictures.scene import Rods
     from polyworld.solver.rope.stage import RopeStage
+
+# Angle that a segment may span on a drum [rad]: the polygon then lies within 1.2% of the radius of the circle.
+TURN = 0.3
+STEEPEST = 1.5  # half an angle between links that counts [rad]: a fold has no finite curvature
+UNSEEN = 0.01  # strain allowed for in a rope that runs over pulleys, whose arcs have no nodes
 
 PARAMETERS = {
     "linear_density": ParameterSpec("kg/m", 1e-6, 1e5, (0.01, 1.0), "mass per rest length"),
@@ -58,6 +65,47 @@ def _reach(world: World, item: Rope, mesh: DeformableMesh) -> Any:
     return np.concatenate([mesh.nodes, round_wheels(threading(world, item))])
 
 
+def _coarse(world: World, rope: Rope, mesh: DeformableMesh) -> list[str]:
+    """State the drums that its segments are too long to follow."""
+    held = {a.to for a in world.attachments if a.object == rope.name}
+    length = _size(world, rope, mesh)
+    found = []
+    bodies: list[RigidObject | StaticObject] = [*world.objects, *world.statics]
+    for item in bodies:
+        if not isinstance(item.shape, Cylinder | Capsule) or item.name in held:
+            continue
+        radius = item.shape.radius + rope.radius
+        apart = np.linalg.norm(mesh.nodes - np.asarray(item.position), axis=1).min()
+        if apart < length + radius + item.shape.half_height and length / rope.segments > TURN * radius:
+            found.append(
+                f"rope {rope.name}: segments of {length / rope.segments:.3g} m are coarse for the curve of "
+                f"{item.name} (radius {item.shape.radius:g} m): segments {int(np.ceil(length / (TURN * radius)))} "
+                "follow it"
+            )
+    return found
+
+
+def _stored(world: World, rope: Rope, mesh: DeformableMesh) -> float:
+    rest = float(mesh.measure.sum())
+    links = np.diff(mesh.nodes, axis=0)
+    lengths = np.linalg.norm(links, axis=1)
+    pulleys = [p for p in world.pulleys if p.rope == rope.name]
+    strains = lengths * len(lengths) / rest - 1.0
+    if pulleys:
+        around = sum(2.0 * np.pi * p.radius for p in pulleys)
+        stretched = (float(lengths.sum()) + around) / rest - 1.0 if rope.length is not None else 0.0
+        strains = np.array([max(stretched, UNSEEN)])
+    cell = rest / len(lengths)
+    total = 0.5 * rope.stretch_stiffness * rest * float(np.mean(np.maximum(strains, 0.0) ** 2))
+    # A link that is pushed together bears its Euler load at most (`solver.rope.stretch`).
+    total += np.pi**2 * rope.bending_stiffness / cell**2 * float(np.maximum(cell - lengths, 0.0).sum())
+    if rope.bending_stiffness > 0.0 and not rope.curved_at_rest:
+        unit = links / lengths[:, None]
+        half = 0.5 * np.arccos(np.clip((unit[1:] * unit[:-1]).sum(axis=1), -1.0, 1.0))
+        total += 2.0 * rope.bending_stiffness / cell * float((np.tan(np.minimum(half, STEEPEST)) ** 2).sum())
+    return float(total)
+
+
 def _picture(world: World, item: Rope, mesh: DeformableMesh, points: Any, view: View) -> Rods:
     from polyworld.pictures.deformable_pictures import rope_rods
 
@@ -79,4 +127,6 @@ MATERIAL = Material(
     facts=_facts,
     size=_size,
     reach=_reach,
+    coarse=_coarse,
+    stored=_stored,
 )

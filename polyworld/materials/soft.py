@@ -5,14 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from polyworld.model.mesh import DeformableMesh
 from polyworld.world import World
-from polyworld.world.materials import Material, Place
+from polyworld.world.materials import PLANAR, Material, Place
 from polyworld.world.parameter_tables import COMMON, TAU, ParameterSpec
 from polyworld.world.representations.soft import Soft
+from polyworld.world.shapes import Capsule, Cylinder, Sphere
 
 if TYPE_CHECKING:
     from polyworld.solver.soft.stage import SoftStage
+
+FLAT = 0.02  # distance of flat faces from a round surface that is worth a note, over its radius
 
 PARAMETERS = {
     "density": ParameterSpec("kg/m^3", 1e-2, 1e6, (100.0, 5e3), "density"),
@@ -40,6 +45,27 @@ def _moved(item: dict[str, Any], place: Place, _turn: Any) -> None:
     item["position"] = place(item["position"])
 
 
+def _coarse(_world: World, item: Soft, mesh: DeformableMesh) -> list[str]:
+    """State how far its flat faces lie inside a round surface."""
+    from polyworld.model.soft import edge_length
+
+    if not isinstance(item.shape, Sphere | Cylinder | Capsule):
+        return []
+    planar = item.representation.endswith(PLANAR)
+    faces = mesh.segments if planar else mesh.triangles
+    sides = np.linalg.norm(mesh.nodes[faces[:, 0]] - mesh.nodes[faces[:, 1]], axis=1)
+    # The height of an arc of radius R over a chord c is c^2 / 8 R; over a triangle of sides c, c^2 / 6 R.
+    lies = float(np.median(sides)) ** 2 / ((8.0 if planar else 6.0) * item.shape.radius**2)
+    if lies <= FLAT:
+        return []
+    layers = max(1, round(item.shape.radius / edge_length(item)))
+    finer = item.shape.radius / np.ceil(layers * np.sqrt(lies / FLAT))
+    return [
+        f"soft body {item.name}: its faces lie up to {lies:.1%} of its radius inside its round surface, and it "
+        f"rests that much lower: resolution {finer:.3g} m brings that below {FLAT:.0%}"
+    ]
+
+
 MATERIAL = Material(
     kind="soft",
     description=Soft,
@@ -52,4 +78,5 @@ MATERIAL = Material(
     kernels="polyworld.solver.soft",
     moved=_moved,
     turns=True,
+    coarse=_coarse,
 )

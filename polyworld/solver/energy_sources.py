@@ -10,14 +10,11 @@ from polyworld.trajectory import Trajectory
 from polyworld.world import World
 from polyworld.world.parameters import object_mass
 from polyworld.world.representations.joint import Spring
-from polyworld.world.representations.rope import Rope
 
 Array = NDArray[np.float64]
 
 # Ways are those of the samples, along which speeds may peak in between: twice the work that they show is allowed.
 BETWEEN = 2.0
-STEEPEST = 1.5  # half an angle between links that counts [rad]: a fold has no finite curvature
-UNSEEN = 0.01  # strain of a rope that runs over pulleys, whose arcs have no nodes
 # Effects that take energy or do no work; those whose force is bounded below do work that is.
 PASSIVE = frozenset(
     (
@@ -66,9 +63,9 @@ def stored_energy(world: World) -> float:
         if isinstance(joint, Spring):
             stretch = float(np.linalg.norm(np.subtract(joint.anchor, joint.other_anchor))) - joint.length
             total += 0.5 * joint.stiffness * stretch**2
+    model = model_of(world)
     for item in world.deformables:
-        if isinstance(item, Rope):
-            total += _stored_in_rope(world, item)
+        total += model.materials[item.name].stored(world, item, model.mesh(item.name))
     return total
 
 
@@ -130,28 +127,6 @@ def _force(kind: str, p: dict[str, float], mass: float, reach: float, world: Wor
         far = reach + size("centre_") + p["softening"]
         return abs(p["strength"]) * max(far ** p["exponent"], p["softening"] ** p["exponent"])
     return mass * float(np.linalg.norm(world.environment.gravity)) * abs(p["density_ratio"])  # buoyancy
-
-
-def _stored_in_rope(world: World, rope: Rope) -> float:
-    mesh = model_of(world).mesh(rope.name)
-    rest = float(mesh.measure.sum())
-    links = np.diff(mesh.nodes, axis=0)
-    lengths = np.linalg.norm(links, axis=1)
-    pulleys = [p for p in world.pulleys if p.rope == rope.name]
-    strains = lengths * len(lengths) / rest - 1.0
-    if pulleys:
-        around = sum(2.0 * np.pi * p.radius for p in pulleys)
-        stretched = (float(lengths.sum()) + around) / rest - 1.0 if rope.length is not None else 0.0
-        strains = np.array([max(stretched, UNSEEN)])
-    cell = rest / len(lengths)
-    total = 0.5 * rope.stretch_stiffness * rest * float(np.mean(np.maximum(strains, 0.0) ** 2))
-    # A link that is pushed together bears its Euler load at most (`rope.stretch`).
-    total += np.pi**2 * rope.bending_stiffness / cell**2 * float(np.maximum(cell - lengths, 0.0).sum())
-    if rope.bending_stiffness > 0.0 and not rope.curved_at_rest:
-        unit = links / lengths[:, None]
-        half = 0.5 * np.arccos(np.clip((unit[1:] * unit[:-1]).sum(axis=1), -1.0, 1.0))
-        total += 2.0 * rope.bending_stiffness / cell * float((np.tan(np.minimum(half, STEEPEST)) ** 2).sum())
-    return total
 
 
 def masses_of(world: World) -> Array:
