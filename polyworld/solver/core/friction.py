@@ -26,3 +26,24 @@ def friction_impulse(impulse: wp.vec2d, slip: wp.vec2d, k: wp.vec3d, bound: wp.f
             sx = sx * bound / size
             sy = sy * bound / size
     return wp.vec2d(sx, sy)
+
+
+@wp.func
+def disc_impulse(
+    impulse: wp.vec2d, slip: wp.vec2d, mass: wp.vec3d, relaxation: wp.float64, bound: wp.float64
+) -> wp.vec2d:
+    """As `friction_impulse`, for contacts that are visited often.
+
+    mass: impulse per velocity, xx, xy, yy; relaxation: 1 over the largest velocity per impulse of any direction.
+    """
+    sx = impulse[0] - (mass[0] * slip[0] + mass[1] * slip[1])
+    sy = impulse[1] - (mass[1] * slip[0] + mass[2] * slip[1])
+    if sx * sx + sy * sy > bound * bound:
+        sx = impulse[0] - slip[0] * relaxation
+        sy = impulse[1] - slip[1] * relaxation
+        square = sx * sx + sy * sy
+        if square > bound * bound:
+            shorter = bound / wp.sqrt(square)
+            sx = sx * shorter
+            sy = sy * shorter
+    return wp.vec2d(sx, sy)

@@ -14,6 +14,7 @@ from polyworld.solver.core.effect_forces import forces_among
 from polyworld.solver.core.episodes import Log
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.spatial import layout
+from polyworld.solver.spatial.acceleration import SWEEPS
 from polyworld.solver.spatial.constraints import ROWS
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.joint_scene import build_joints, joint_rows
@@ -68,10 +69,15 @@ def allocate_state(world: World, rows: int) -> layout.State:
     state.bodies = zeros((rows, n + s + 1), layout.Body)
     # Round bodies of similar size touch six others on average; twice that leaves room for overlaps.
     _allocate_contacts(state, max(1, min(pieces * (pieces - 1) // 2, 12 * pieces) + with_statics), rows, world)
+    state.mix_v = zeros((rows, SWEEPS * n), wp.vec3d)
+    state.mix_w = zeros((rows, SWEEPS * n), wp.vec3d)
+    state.mixed = zeros((rows,), wp.int32)
+    state.resisting = zeros((rows,), wp.int32)
     state.scratch = zeros((rows, 2 * layout.MAX_MANIFOLD_POINTS + 3 * layout.MAX_CLIPPED_POINTS), wp.vec3d)
     state.manifold_count = zeros((rows, 2), wp.int32)
     state.contact_count = zeros((rows, 2), wp.int32)
     state.half = zeros((rows,), wp.int32)
+    state.slowest = zeros((rows,), wp.float64)
     state.overflowed = zeros((rows,), wp.int32)
     state.planes = zeros((rows, s), wp.vec4d)
     state.reaction = zeros((rows, n), wp.vec3d)
@@ -84,8 +90,12 @@ def _allocate_contacts(state: layout.State, manifolds: int, rows: int, world: Wo
     contacts = layout.MAX_MANIFOLD_POINTS * (manifolds + 1)
     state.manifolds = zeros((rows, 2 * manifolds), layout.Manifold)
     state.contacts = zeros((rows, 2 * contacts), layout.Contact)
-    state.rows = zeros((rows, ROWS * contacts + joint_rows(world)), layout.Row)
+    state.rows = zeros((rows, 2 * ROWS * contacts + joint_rows(world)), layout.Row)
+    state.mix_start = zeros((rows, 2 * contacts), wp.vec3d)
+    state.mix_end = zeros((rows, 2 * SWEEPS * contacts), wp.vec3d)
+    state.mix_change = zeros((rows, 2 * SWEEPS * contacts), wp.vec3d)
     state.max_manifolds, state.max_contacts = manifolds, contacts
+    state.turning_rows = ROWS * contacts
 
 
 def enlarge(system: System, state: layout.State, joints: Joints, world: World) -> bool:
@@ -93,7 +103,7 @@ def enlarge(system: System, state: layout.State, joints: Joints, world: World) -
 
     All contacts are forgotten: runs begin again.
     """
-    kept = (state.manifolds, state.contacts, state.rows)
+    kept = (state.manifolds, state.contacts, state.rows, state.mix_start, state.mix_end, state.mix_change)
     if 4 * sum(a.size * wp.types.type_size_in_bytes(a.dtype) for a in kept) > MOST_BYTES:
         return False
     _allocate_contacts(state, 4 * state.max_manifolds, state.manifolds.shape[0], world)

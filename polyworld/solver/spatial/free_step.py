@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from polyworld.solver.spatial.constraints import contact_solver
+from polyworld.solver.spatial.contact_solve import contact_solver
 from polyworld.solver.spatial.impacts import impact_solver, kinetic_energy
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.layout import State
@@ -58,7 +58,7 @@ def finish(
     pass
 
 
-solve_manifolds, solve_contacts = contact_solver(hold)
+solve_manifolds, solve_contacts = contact_solver(hold, accelerated=True)
 
 FREE = Joining(
     solve_velocities=solve_velocities,

@@ -60,6 +60,12 @@ def time_to_impact(
     return earliest
 
 
+@wp.func
+def resists(state: wp.array[State], w: int, i: int) -> bool:
+    """Check whether a pair resists spin or rolling."""
+    return state[0].manifolds[w, i].torsion > wp.float64(0.0) or state[0].manifolds[w, i].rolling > wp.float64(0.0)
+
+
 def impact_solver(solve_manifolds: Any, energy: Any, undo_joints: Any) -> Any:
     """Return the function `resolve_impacts`, for functions that do the joints' part.
 
@@ -75,8 +81,10 @@ def impact_solver(solve_manifolds: Any, energy: Any, undo_joints: Any) -> Any:
         start = state[0].manifolds[w, i].first
         end = state[0].manifolds[w, last - 1].first + state[0].manifolds[w, last - 1].count
         for r in range(ROWS * (start - offset), ROWS * (end - offset)):
-            if state[0].rows[w, r].impulse != wp.float64(0.0):  # rows that are not in use hold no directions either
-                push(state, w, a, b, r, -state[0].rows[w, r].impulse)
+            push(state, w, a, b, r, -state[0].rows[w, r].impulse)
+            if resists(state, w, i):
+                s = state[0].turning_rows + r
+                push(state, w, a, b, s, -state[0].rows[w, s].impulse)
         undo_joints(joints, state, w)
 
     @wp.func(inline=False)
@@ -111,6 +119,8 @@ def impact_solver(solve_manifolds: Any, energy: Any, undo_joints: Any) -> Any:
                 for c in range(first, first + state[0].manifolds[w, m].count):
                     r = ROWS * (c - offset)
                     clear_impulses(state, w, r)
+                    if resists(state, w, i):
+                        clear_impulses(state, w, state[0].turning_rows + r)
                     state[0].contacts[w, c].target = -restitution * velocity_along(state, w, a, b, r)
                     if state[0].contacts[w, c].gap > close:
                         state[0].contacts[w, c].target = NO_TARGET

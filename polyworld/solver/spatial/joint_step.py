@@ -10,7 +10,7 @@ the axes is halved in the same way.
 
 import warp as wp
 
-from polyworld.solver.spatial.constraints import contact_solver
+from polyworld.solver.spatial.contact_solve import contact_solver
 from polyworld.solver.spatial.impacts import impact_solver, kinetic_energy
 from polyworld.solver.spatial.joint_axes import (
     forget,
@@ -66,7 +66,7 @@ def undo_joints(joints: wp.array[Joints], state: wp.array[State], k: int) -> Non
     hold_joints(joints, state, k)
 
 
-solve_manifolds, solve_contacts = contact_solver(hold)
+solve_manifolds, solve_contacts = contact_solver(hold, accelerated=False)
 
 
 @wp.func

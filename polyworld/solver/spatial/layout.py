@@ -125,7 +125,10 @@ class Body:
 
 @wp.struct
 class Row:
-    """One direction in which a contact acts: Jacobian (d, ja) on a, -(d, jb) on b, and its inverse effective mass."""
+    """One direction in which a contact acts: Jacobian (d, ja) on a, -(d, jb) on b, and its inverse effective mass.
+
+    On a static jb is whatever, and wb zero.
+    """
 
     d: wp.vec3d
     ja: wp.vec3d
@@ -133,6 +136,7 @@ class Row:
     wa: wp.vec3d  # inverse inertia of a times ja
     wb: wp.vec3d
     k: wp.float64  # velocity per impulse
+    inverse_k: wp.float64
     impulse: wp.float64
 
 
@@ -147,8 +151,10 @@ class Contact:
     target: wp.float64  # of the normal velocity
     target_velocity: wp.vec2d  # of the tangential velocity
     stick_impulse: wp.float64  # tangential impulse allowed whatever Coulomb's limit
-    coupling: wp.float64  # off-diagonal of the tangential effective mass
-    coupling_rolling: wp.float64
+    coupling_normal: wp.vec2d  # tangential velocities per normal impulse
+    mass: wp.vec3d  # tangential impulses per velocity, xx, xy, yy
+    relaxation: wp.float64  # impulse per velocity where it slips: 1 over the largest velocity per impulse
+    coupling_rolling: wp.float64  # velocity along one direction of rolling per impulse along the other
     slip: wp.vec2d  # relative velocity along the tangents at the start of the step
     turning: wp.vec2d  # the same of the angular velocity
     force_n: wp.float64
@@ -188,11 +194,19 @@ class State:
     bodies: wp.array2d[Body]  # (K, n + s + 1), the last is the world, which joints may hold on to
     manifolds: wp.array2d[Manifold]  # (K, 2 M)
     contacts: wp.array2d[Contact]  # (K, 2 C)
-    rows: wp.array2d[Row]  # (K, 6 C + rows of joints)
+    rows: wp.array2d[Row]  # (K, 3 C of contacts, 3 C of their spin and rolling, those of joints)
+    mix_start: wp.array2d[wp.vec3d]  # (K, 2 C) impulses of contacts, then of their spin and rolling, see `acceleration`
+    mix_end: wp.array2d[wp.vec3d]  # (K, 8 C)
+    mix_change: wp.array2d[wp.vec3d]
+    mix_v: wp.array2d[wp.vec3d]  # (K, 4 n)
+    mix_w: wp.array2d[wp.vec3d]
+    mixed: wp.array[wp.int32]  # (K,) sweeps that are kept
+    resisting: wp.array[wp.int32]  # (K,) 1 where a contact resists spin or rolling
     scratch: wp.array2d[wp.vec3d]  # (K, corners of the two faces being clipped)
     manifold_count: wp.array2d[wp.int32]  # (K, 2)
     contact_count: wp.array2d[wp.int32]  # (K, 2)
     half: wp.array[wp.int32]  # (K,) the half of the last step's contacts, where a run ends
+    slowest: wp.array[wp.float64]  # (K,) approach speed from which on contacts rebound [m/s]
     overflowed: wp.array[wp.int32]  # (K,) 1 where the contact buffer is full
     planes: wp.array2d[wp.vec4d]  # (K, s) outward normal and offset of the statics that are planes
     reaction: wp.array2d[wp.vec3d]  # (K, n) acceleration by contacts and joints in the last step, where effects act
@@ -201,6 +215,7 @@ class State:
     statics: int
     max_manifolds: int
     max_contacts: int
+    turning_rows: int  # first row of spin and rolling
 
 
 @wp.struct

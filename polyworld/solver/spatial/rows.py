@@ -33,6 +33,7 @@ def make_row(
     row.k = masses * wp.dot(row.d, row.d) + wp.dot(ja, row.wa) + wp.dot(jb, row.wb)
     if locked:  # a row without freedom moves nothing, whatever its impulse: keep it divisible
         row.k = wp.max(row.k, IMMOBILE * masses)
+    row.inverse_k = wp.float64(1.0) / row.k
     return row
 
 

@@ -56,6 +56,7 @@ def stepping(joining: Joining) -> Any:
         state = system.state
         fall = wp.length(gravity) * h
         threshold = fall + SLOWEST_IMPACT
+        state[0].slowest[k] = threshold
         time = start
         left = h
         impacts = wp.int32(0)
