@@ -104,6 +104,7 @@ def load_joints(joints: wp.array[Joints], state: wp.array[State], w: int, k: int
             joints[0].before[k, i] = Moment()
     joints[0].ready[k] = 0
     joints[0].tree.known[k] = 0
+    joints[0].tree.wanted[k] = wp.float64(0.0)
     joints[0].paced[k] = wp.float64(0.0)
 
 

@@ -78,6 +78,7 @@ class Freedom:
 class Tree:
     """All links of K worlds. count: 0 where the joints make no tree. slopes, rates: derivatives of positions and speeds
     at the stages of a step, those of stage s from s * freedoms on. known: 1 where the speeds' at the first are known.
+    wanted: length of the next step by the error of the last [s], 0 where there is none.
     """
 
     count: int
@@ -89,4 +90,5 @@ class Tree:
     slopes: wp.array2d[wp.float64]
     rates: wp.array2d[wp.float64]
     known: wp.array[wp.int32]
+    wanted: wp.array[wp.float64]
     method: wp.array2d[wp.float64]  # (9, 7): coefficients of the stages, their instants, weights of the error

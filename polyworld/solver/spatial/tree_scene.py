@@ -52,6 +52,7 @@ def build_tree(kinds: Any, bodies: int, rows: int) -> tree_layout.Tree:
     tree.slopes = _zeros((room, len(_STAGES) * freedoms), wp.float64)
     tree.rates = _zeros((room, len(_STAGES) * freedoms), wp.float64)
     tree.known = _zeros((rows,), wp.int32)
+    tree.wanted = _zeros((rows,), wp.float64)
     tree.method = buffers.array(_method(), wp.float64)
     return tree
 

@@ -26,6 +26,8 @@ NODES = 7  # rows of the method
 ERROR = 8
 EXACT = wp.float64(1.0e-7)  # error of a step's speeds, as a share of them, and of its positions
 REST = wp.float64(1.0e-9)  # speeds below this [m/s or rad/s] have no error to speak of
+CAUTION = wp.float64(0.9)  # share of the step whose error would just be small enough
+LONGER = wp.float64(5.0)  # times the last step, that the next may be
 SMALLEST = wp.float64(1.0 / 64.0)  # part of a step
 RESTING = wp.float64(1.0e-9)  # speed of an axis at rest [m/s or rad/s]
 NOTHING = wp.float64(1.0e-9)  # part of a step in which nothing moves
@@ -50,7 +52,13 @@ def move_tree(
         if joints[0].kinds[j].driven == 2:
             return done
     while done < whole:
-        part = wp.min(part, whole - done)
+        left = whole - done
+        wanted = joints[0].tree.wanted[k]
+        part = wp.min(part, left)
+        if wanted > wp.float64(0.0) and CAUTION * part > wanted:  # its error would be too large
+            part = wp.min(part, wanted)
+            if left < wp.float64(2.0) * wanted:  # two equal steps rather than a short last one
+                part = wp.float64(0.5) * left
         time = start + done
         begin_links(joints, state, k)
         part = until_switched(joints, k, time, part)
@@ -60,9 +68,11 @@ def move_tree(
         if not (error <= wp.float64(1.0)):  # also where it is no number
             share = wp.float64(0.1)
             if error > wp.float64(1.0):
-                share = wp.clamp(wp.float64(0.9) * wp.pow(error, wp.float64(-0.2)), share, wp.float64(0.8))
+                share = wp.clamp(CAUTION * wp.pow(error, wp.float64(-0.2)), share, wp.float64(0.8))
             part = part * share
+            joints[0].tree.wanted[k] = part
             if part < SMALLEST * whole:
+                joints[0].tree.wanted[k] = wp.float64(0.0)
                 return done
             continue
         until = slipping(joints, k)
@@ -75,6 +85,12 @@ def move_tree(
             return done
         take_step(parameters, joints, state, k)
         done += part
+        following = LONGER * part
+        if error > wp.float64(1.0e-8):
+            following = wp.min(following, part * CAUTION * wp.pow(error, wp.float64(-0.2)))
+        if part < wanted:  # cut for another reason than its error
+            following = wp.max(following, wanted)
+        joints[0].tree.wanted[k] = following
         part = whole - done
         if part < wp.float64(1.0e-12) * whole:
             done = whole
