@@ -108,6 +108,9 @@ class RigidSimulator(ABC):
         self.sample_times = np.atleast_2d(np.asarray(sample_times, dtype=float))
         self.record_events = record_events
         self.threads = (threads or available_cores()) if buffers.threads_serve() else 1
+        # Scratch rows: worlds that a CPU's thread takes one after the other use the same, others each its own.
+        self._apart = int(not buffers.threads_serve())
+        self._slots = n_worlds if self._apart else shares(n_worlds, self.threads)
         self._start = start
         self.patience = math.inf  # [s] of one run
         self._table = schedules(self.world, self.sample_times, None if start is None else start.time)

@@ -1,159 +1,128 @@
-"""Impulses of contact rows: normal, Coulomb friction and rolling resistance; and the forces that keep bodies apart."""
+"""The impulses of a step at contact rows and hinges, and the parting of overlaps."""
 
 import warp as wp
 
-from polyworld.solver.planar.joints import solve_hinge, warm_start_hinges
-from polyworld.solver.planar.motion import slide, stiffness_of
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, Row, Scene, Step
+from polyworld.solver.planar.joints import warm_start_hinges
+from polyworld.solver.planar.records import Bodies, Contacts, Joints, Scene, Step
+from polyworld.solver.planar.relaxation import relax
+from polyworld.solver.planar.rows import GOOD, apply_impulse, pushed_along, row_velocity, slow_approach
 
 wp.set_module_options({"enable_backward": False})
 
 ZERO = wp.float64(0.0)
+HALF = wp.float64(0.5)
 ONE = wp.float64(1.0)
-FAR = wp.float64(1.0e30)
-FORCE_SWEEPS = 300
+TWO = wp.float64(2.0)
+FORCE_VISITS = 4096  # of rows, that any island is worth,
+FORCE_SWEEPS, MOST_SWEEPS = 64, 300  # and bounds of the sweeps that make them
+CONVERGED = wp.float64(1.0e-11)  # change of speed in a sweep that counts as none, of what the step changes it by
 PARTING = wp.float64(0.02)  # time in which an overlap shrinks to 1/e [s]
 
 
-@wp.func
-def rate_of(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32) -> wp.vec3d:
-    if i >= scene.bodies:
-        return wp.vec3d(ZERO, ZERO, ZERO)
-    return bodies.next_rate[w, i]
-
-
-@wp.func
-def point_velocity(rate: wp.vec3d, arm: wp.vec2d) -> wp.vec2d:
-    return wp.vec2d(rate[0] - rate[2] * arm[1], rate[1] + rate[2] * arm[0])
-
-
-@wp.func
-def separation_speed(scene: Scene, bodies: Bodies, w: wp.int32, row: Row) -> wp.vec2d:
-    """Relative velocity of b against a at the contact: along the normal (positive: parting) and the tangent."""
-    va = point_velocity(rate_of(scene, bodies, w, row.a), row.arm_a)
-    vb = point_velocity(rate_of(scene, bodies, w, row.b), row.arm_b)
-    v = vb - va
-    return wp.vec2d(wp.dot(row.normal, v), row.normal[0] * v[1] - row.normal[1] * v[0])
-
-
-@wp.func
-def apply_impulse(
-    scene: Scene, bodies: Bodies, w: wp.int32, row: Row, along: wp.float64, across: wp.float64, roll: wp.float64
+@wp.func(inline=False)
+def solve_contact_velocities(
+    scene: wp.array[Scene], bodies: wp.array[Bodies], contacts: wp.array[Contacts], joints: wp.array[Joints], step: Step
 ) -> None:
-    """Add impulses (normal, tangent, moment) to the rates of b, and the opposite to those of a."""
-    p = wp.vec2d(along * row.normal[0] - across * row.normal[1], along * row.normal[1] + across * row.normal[0])
-    a = row.a
-    ma = bodies.inverse_mass[w, a]
-    ia = bodies.inverse_inertia[w, a]
-    moment_a = row.arm_a[0] * p[1] - row.arm_a[1] * p[0] + roll
-    bodies.next_rate[w, a] = bodies.next_rate[w, a] - wp.vec3d(ma * p[0], ma * p[1], ia * moment_a)
-    b = row.b
-    if b < scene.bodies:
-        mb = bodies.inverse_mass[w, b]
-        ib = bodies.inverse_inertia[w, b]
-        moment_b = row.arm_b[0] * p[1] - row.arm_b[1] * p[0] + roll
-        bodies.next_rate[w, b] = bodies.next_rate[w, b] + wp.vec3d(mb * p[0], mb * p[1], ib * moment_b)
-
-
-@wp.func
-def solve_row(scene: Scene, bodies: Bodies, w: wp.int32, row: Row) -> Row:
-    """Solve one row (Gauss-Seidel): normal, Coulomb friction, rolling resistance, each within its limit."""
-    v = separation_speed(scene, bodies, w, row)
-    new = wp.max(ZERO, row.impulse + (row.bounce - v[0]) * row.mass_normal)
-    change = new - row.impulse
-    row.impulse = new
-    if change != ZERO:
-        apply_impulse(scene, bodies, w, row, change, ZERO, ZERO)
-        v = separation_speed(scene, bodies, w, row)
-    limit = row.friction * row.impulse
-    if row.stick_fraction > ZERO:
-        limit = FAR
-    across = wp.clamp(row.impulse_tangent - (v[1] - row.target_velocity) * row.mass_tangent, -limit, limit)
-    change_across = across - row.impulse_tangent
-    row.impulse_tangent = across
-    change_roll = ZERO
-    if row.rolling > ZERO:
-        spin = -rate_of(scene, bodies, w, row.a)[2] + rate_of(scene, bodies, w, row.b)[2]
-        roll_limit = row.rolling * row.impulse
-        roll = wp.clamp(row.impulse_roll - spin * row.mass_roll, -roll_limit, roll_limit)
-        change_roll = roll - row.impulse_roll
-        row.impulse_roll = roll
-    if change_across != ZERO or change_roll != ZERO:
-        apply_impulse(scene, bodies, w, row, ZERO, change_across, change_roll)
-    # Left in `gap` is the residual: the largest change of speed this visit made.
-    row.gap = wp.max(wp.abs(change) / row.mass_normal, wp.abs(change_across) / row.mass_tangent)
-    return row
-
-
-@wp.func
-def solve_contact_velocities(scene: Scene, bodies: Bodies, contacts: Contacts, joints: Joints, step: Step) -> None:
     """Solve the impulses over h at touching rows and hinges, with friction on the supporting plane.
 
     No row approaches at the end of the step; no hinge opens over it.
     """
     w = step.w
+    slot = step.slot
     half = step.half
-    rows = step.rows
     h = step.h
-    pushed = warm_start_hinges(bodies, joints, w, step.ratio, h)
-    for k in range(rows):
-        row = contacts.rows[w, half, k]
-        if row.touching == 1:
+    hinged = warm_start_hinges(bodies, joints, w, step.ratio, h)
+    for island in range(step.islands):
+        pushed = hinged
+        heaviest = ZERO
+        first = bodies[0].first_row[w, island]
+        last = bodies[0].first_row[w, island + 1]
+        for k in range(first, last):
+            r = contacts[0].order[slot, k]
+            a = contacts[0].rows[slot, half, r].a
+            b = contacts[0].rows[slot, half, r].b
+            parting = row_velocity(scene, contacts, bodies[0].rate, w, slot, half, r)[0]
+            solved = contacts[0].rows[slot, half, r].touching
             # A body that has just bounced may come back as fast as it left, within the step.
-            va = point_velocity(bodies.rate[w, row.a], row.arm_a)
-            vb = wp.vec2d(ZERO, ZERO)
-            if row.b < scene.bodies:
-                vb = point_velocity(bodies.rate[w, row.b], row.arm_b)
-            row.bounce = -wp.max(ZERO, wp.dot(row.normal, vb - va))
-            limit = row.friction * row.impulse
-            row.impulse_tangent = wp.clamp(row.impulse_tangent, -limit, limit)
-            contacts.rows[w, half, k] = row
-            apply_impulse(scene, bodies, w, row, row.impulse, row.impulse_tangent, row.impulse_roll)
-            pushed = wp.max(pushed, wp.length(bodies.push[w, row.a]) * h)
-            pushed = wp.max(pushed, wp.length(bodies.rate[w, row.a]))
-            if row.b < scene.bodies:
-                pushed = wp.max(pushed, wp.length(bodies.push[w, row.b]) * h)
-                pushed = wp.max(pushed, wp.length(bodies.rate[w, row.b]))
-    for _ in range(FORCE_SWEEPS):
-        residual = ZERO
-        for k in range(rows):
-            row = contacts.rows[w, half, k]
-            if row.touching == 1:
-                gap = row.gap
-                row = solve_row(scene, bodies, w, row)
-                residual = wp.max(residual, row.gap)
-                row.gap = gap
-                contacts.rows[w, half, k] = row
-        for j in range(joints.count):
-            residual = wp.max(residual, solve_hinge(bodies, joints, w, j, h))
-        for i in range(scene.bodies):
-            if bodies.coupled[w, i] == 1 and bodies.hold[w, i] > ZERO:
-                without = bodies.next_rate[w, i] - bodies.drag[w, i]
-                limit = bodies.hold[w, i] * h * bodies.linear_decay[w, i][1]
-                held = slide(without, limit, bodies.patch[w, i], stiffness_of(bodies, w, i))
-                residual = wp.max(residual, wp.length(held - bodies.next_rate[w, i]))
-                bodies.next_rate[w, i] = held
-                bodies.drag[w, i] = held - without
-        if residual <= wp.float64(1.0e-11) * pushed:
-            break
+            target = -wp.max(ZERO, parting)
+            if solved == 0:
+                gap = contacts[0].rows[slot, half, r].gap
+                if gap <= step.reach and -parting <= slow_approach(
+                    step, pushed_along(scene, bodies, contacts, step, r)
+                ):
+                    # The gap closes, at most, by the mean of the speeds before and after.
+                    solved = wp.int32(1)
+                    target = wp.min(ZERO, -parting - TWO * (gap - HALF * scene[0].touch) / h)
+            contacts[0].rows[slot, half, r].solved = solved
+            contacts[0].rows[slot, half, r].sticks = 0
+            contacts[0].rows[slot, half, r].slip_target = ZERO
+            contacts[0].rows[slot, half, r].target = target
+            force = contacts[0].rows[slot, half, r].force
+            if solved == 1:
+                limit = contacts[0].rows[slot, half, r].friction * force[0]
+                force = wp.vec3d(force[0], wp.clamp(force[1], -limit, limit), force[2])
+                apply_impulse(scene, bodies, contacts, w, slot, half, r, force)
+                heaviest = wp.max(heaviest, wp.length(bodies[0].push[w, a]))
+                pushed = wp.max(pushed, wp.length(bodies[0].push[w, a]) * h)
+                pushed = wp.max(pushed, wp.length(bodies[0].rate[w, a]))
+                if b < scene[0].bodies:
+                    pushed = wp.max(pushed, wp.length(bodies[0].push[w, b]) * h)
+                    pushed = wp.max(pushed, wp.length(bodies[0].rate[w, b]))
+            else:
+                force = wp.vec3d()
+            contacts[0].rows[slot, half, r].impulse = force
+        relax(
+            scene,
+            bodies,
+            contacts,
+            joints,
+            w,
+            slot,
+            half,
+            island,
+            wp.clamp(FORCE_VISITS // (last - first + 1), FORCE_SWEEPS, MOST_SWEEPS),
+            CONVERGED * pushed,
+            GOOD * slow_approach(step, heaviest),
+            h,
+        )
+        for k in range(first, last):
+            r = contacts[0].order[slot, k]
+            contacts[0].rows[slot, half, r].force = contacts[0].rows[slot, half, r].impulse
 
 
 @wp.func
-def separate_overlaps(scene: Scene, bodies: Bodies, contacts: Contacts, step: Step) -> None:
-    """Move overlapping bodies apart by a share of the overlap, without giving them speed."""
+def separate_overlaps(
+    scene: wp.array[Scene], bodies: wp.array[Bodies], contacts: wp.array[Contacts], step: Step
+) -> None:
+    """Move overlapping bodies apart by a share of the overlap, without giving them speed.
+
+    What closes slowly within the step stops at the middle of the contact band, as an inelastic impact would.
+    """
     w = step.w
     share = ONE - wp.exp(-step.h / PARTING)
-    for k in range(step.rows):
-        row = contacts.rows[w, step.half, k]
-        depth = -row.gap - wp.float64(4.0) * scene.touch
-        if row.touching == 1 and depth > ZERO:
-            p = row.normal * (depth * share * row.mass_normal)
-            a = row.a
-            ma = bodies.inverse_mass[w, a]
-            moment_a = bodies.inverse_inertia[w, a] * (row.arm_a[0] * p[1] - row.arm_a[1] * p[0])
-            bodies.shift[w, a] = bodies.shift[w, a] - wp.vec3d(ma * p[0], ma * p[1], moment_a)
-            b = row.b
-            if b < scene.bodies:
-                mb = bodies.inverse_mass[w, b]
-                moment_b = bodies.inverse_inertia[w, b] * (row.arm_b[0] * p[1] - row.arm_b[1] * p[0])
-                bodies.shift[w, b] = bodies.shift[w, b] + wp.vec3d(mb * p[0], mb * p[1], moment_b)
+    for k in range(step.active):
+        r = contacts[0].active[step.slot, k]
+        gap = contacts[0].rows[step.slot, step.half, r].gap
+        depth = share * (-gap - wp.float64(4.0) * scene[0].touch)
+        touching = contacts[0].rows[step.slot, step.half, r].touching
+        if touching == 0:
+            depth = ZERO
+        closes = touching == 0 or contacts[0].rows[step.slot, step.half, r].approach > ZERO
+        if closes and contacts[0].rows[step.slot, step.half, r].solved == 1:
+            end = gap + row_velocity(scene, contacts, bodies[0].shift, w, step.slot, step.half, r)[0]
+            depth = wp.max(depth, wp.min(gap, HALF * scene[0].touch) - end)
+        if depth > ZERO:
+            a = contacts[0].rows[step.slot, step.half, r].a
+            b = contacts[0].rows[step.slot, step.half, r].b
+            arm_a = contacts[0].rows[step.slot, step.half, r].arm_a
+            arm_b = contacts[0].rows[step.slot, step.half, r].arm_b
+            p = contacts[0].rows[step.slot, step.half, r].normal * (
+                depth * contacts[0].rows[step.slot, step.half, r].mass[0]
+            )
+            ma = bodies[0].inverse_mass[w, a]
+            moment_a = bodies[0].inverse_inertia[w, a] * (arm_a[0] * p[1] - arm_a[1] * p[0])
+            bodies[0].shift[w, a] = bodies[0].shift[w, a] - wp.vec3d(ma * p[0], ma * p[1], moment_a)
+            if b < scene[0].bodies:
+                mb = bodies[0].inverse_mass[w, b]
+                moment_b = bodies[0].inverse_inertia[w, b] * (arm_b[0] * p[1] - arm_b[1] * p[0])
+                bodies[0].shift[w, b] = bodies[0].shift[w, b] + wp.vec3d(mb * p[0], mb * p[1], moment_b)

@@ -28,20 +28,20 @@ def friction_at(
 # the records as arrays of one, for a call would copy them.
 @wp.func(inline=False)
 def set_plane_friction(
-    scene: wp.array[Scene], bodies: wp.array[Bodies], w: wp.int32, segment: wp.int32, h: wp.float64
+    scene: wp.array[Scene], bodies: wp.array[Bodies], w: wp.int32, members: wp.int32, h: wp.float64
 ) -> None:
-    """Set what the supporting plane can hold over the path of each body in a step of length h."""
+    """Set what the supporting plane can hold over the path of each member in a step of length h."""
     load = -bodies[0].gravity[w][2]
     if scene[0].supports == 0 or load <= ZERO:
         return
-    for i in range(scene[0].bodies):
-        if scene[0].schedule.joins[i] <= segment:
-            ahead = bodies[0].rate[w, i] * h
-            x = bodies[0].pose[w, i] + ahead * HALF
-            position = wp.vec3d(x[0], x[1], scene[0].level)
-            path = wp.vec3d(ahead[0], ahead[1], ZERO)
-            mu = friction_at(scene, w, i, -1, bodies[0].support[w, i], position, path)
-            bodies[0].hold[w, i] = load * mu
+    for m in range(members):
+        i = bodies[0].members[w, m]
+        ahead = bodies[0].rate[w, i] * h
+        x = bodies[0].pose[w, i] + ahead * HALF
+        position = wp.vec3d(x[0], x[1], scene[0].level)
+        path = wp.vec3d(ahead[0], ahead[1], ZERO)
+        mu = friction_at(scene, w, i, -1, bodies[0].support[w, i], position, path)
+        bodies[0].hold[w, i] = load * mu
 
 
 @wp.func(inline=False)
@@ -50,18 +50,20 @@ def set_row_friction(
     bodies: wp.array[Bodies],
     contacts: wp.array[Contacts],
     w: wp.int32,
+    slot: wp.int32,
     half: wp.int32,
-    rows: wp.int32,
+    active: wp.int32,
 ) -> None:
-    """Set the friction of this step's rows by the effects where they touch."""
-    for k in range(rows):
-        a = contacts[0].rows[w, half, k].a
-        b = contacts[0].rows[w, half, k].b
-        arm = contacts[0].rows[w, half, k].arm_a
+    """Set the friction of the active rows by the effects where they touch."""
+    for k in range(active):
+        r = contacts[0].active[slot, k]
+        a = contacts[0].rows[slot, half, r].a
+        b = contacts[0].rows[slot, half, r].b
+        arm = contacts[0].rows[slot, half, r].arm_a
         pose = bodies[0].pose[w, a]
         position = wp.vec3d(pose[0] + arm[0], pose[1] + arm[1], bodies[0].height[w, a])
-        mu = contacts[0].rows[w, half, k].friction
-        contacts[0].rows[w, half, k].friction = friction_at(scene, w, a, b, mu, position, wp.vec3d())
+        mu = contacts[0].rows[slot, half, r].friction
+        contacts[0].rows[slot, half, r].friction = friction_at(scene, w, a, b, mu, position, wp.vec3d())
 
 
 @wp.func(inline=False)
@@ -82,13 +84,15 @@ def apply_tangential_loss(
     bodies: wp.array[Bodies],
     contacts: wp.array[Contacts],
     w: wp.int32,
+    slot: wp.int32,
     half: wp.int32,
-    rows: wp.int32,
+    begin: wp.int32,
+    end: wp.int32,
 ) -> None:
     """Remove each pair's loss from its centres' relative tangential velocity, once a pair."""
     last = wp.int32(-1)
-    for k in range(rows):
-        row = contacts[0].rows[w, half, k]
+    for k in range(begin, end):
+        row = contacts[0].rows[slot, half, contacts[0].order[slot, k]]
         if row.tangential_loss > ZERO and row.slot != last:
             last = row.slot
             ma = bodies[0].inverse_mass[w, row.a]

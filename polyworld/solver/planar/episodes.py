@@ -4,7 +4,7 @@ import warp as wp
 
 from polyworld.solver.core.episodes import Episode, Log, record_touch
 from polyworld.solver.planar.contacts import find_rows
-from polyworld.solver.planar.records import Bodies, Contacts, Row, Samples, Scene, Step
+from polyworld.solver.planar.records import Bodies, Contacts, References, Row, Samples, Step
 
 wp.set_module_options({"enable_backward": False})
 
@@ -28,26 +28,29 @@ def touch_of(bodies: Bodies, w: wp.int32, row: Row, time: wp.float64, impulse: w
 
 
 @wp.func
-def record_contacts(bodies: Bodies, contacts: Contacts, log: Log, step: Step) -> None:
-    """Record what touches at the start of a step, with its impulses over the part of it that is taken."""
-    for k in range(step.rows):
-        row = contacts.rows[step.w, step.half, k]
-        if row.touching == 1:
-            record_touch(log, step.w, touch_of(bodies, step.w, row, step.time, row.impulse * step.part / step.h))
+def record_contacts(bodies: Bodies, contacts: Contacts, log: Log, step: Step, time: wp.float64) -> None:
+    """Record what has touched on the members' paths, which are taken to `time` in the step [s], and its impulses."""
+    for r in range(step.rows):
+        row = contacts.rows[step.slot, step.half, r]
+        acts = row.touching == 1 or (row.touching == 0 and row.force[0] > ZERO)
+        if acts and bodies.member[step.w, row.a] == 1:
+            begin = step.whole - row.span
+            impulse = row.force[0] * (time - begin) / row.span
+            record_touch(log, step.w, touch_of(bodies, step.w, row, step.start + begin, impulse))
 
 
 @wp.func
 def record_last_contacts(
-    scene: Scene, bodies: Bodies, contacts: Contacts, samples: Samples, log: Log, step: Step
+    bodies: Bodies,
+    contacts: Contacts,
+    references: References,
+    samples: Samples,
+    log: Log,
+    step: Step,
 ) -> None:
     """Record what touches at the end of a run, so that it is seen to go on."""
-    step.half = 1 - step.half
-    for i in range(scene.bodies):
-        bodies.next_rate[step.w, i] = bodies.rate[step.w, i]
-    step.rows = 0
-    step.ratio = ZERO
-    step.rows = find_rows(scene, bodies, contacts, samples, step)
-    for k in range(step.rows):
-        row = contacts.rows[step.w, step.half, k]
+    step = find_rows(references.scene, references.bodies, references.contacts, samples, step)
+    for r in range(step.rows):
+        row = contacts.rows[step.slot, step.half, r]
         if row.touching == 1:
             record_touch(log, step.w, touch_of(bodies, step.w, row, step.time, ZERO))

@@ -4,10 +4,10 @@ import warp as wp
 
 from polyworld.effects import Motion
 from polyworld.solver.core.effect_forces import effect_forces, half_step
-from polyworld.solver.planar.constraints import separation_speed
 from polyworld.solver.planar.contact_effects import set_plane_friction
 from polyworld.solver.planar.motion import unheld_rate
 from polyworld.solver.planar.records import Bodies, Contacts, Joints, References, Samples, Scene, Step
+from polyworld.solver.planar.rows import row_velocity
 
 wp.set_module_options({"enable_backward": False})
 
@@ -66,26 +66,26 @@ def find_push(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.f
 def find_pushes(
     scene: Scene, bodies: Bodies, joints: Joints, references: References, samples: Samples, step: Step
 ) -> Step:
-    """Find what pushes each body and how fast the fastest gets; stop a world of which one is too fast."""
+    """Find what pushes each member, and the strongest of it; stop a world of which one is too fast."""
     w = step.w
-    fastest = ZERO
     if scene.contact_laws > 0:
-        set_plane_friction(references.scene, references.bodies, w, step.segment, step.h)
-    for i in range(scene.bodies):
-        if scene.schedule.joins[i] <= step.segment:
-            v = bodies.rate[w, i]
-            push = find_push(scene, bodies, w, i, step.time, step.h)
-            bodies.push[w, i] = push
-            bodies.next_rate[w, i] = v
-            bodies.coupled[w, i] = joints.hinged[i]
-            speed = wp.sqrt(v[0] * v[0] + v[1] * v[1])
-            if not (speed < ABSURD and wp.abs(v[2]) < ABSURD * wp.float64(100.0)):
-                step.diverged = 1
+        set_plane_friction(references.scene, references.bodies, w, step.members, step.h)
+    heaviest = ZERO
+    for m in range(step.members):
+        i = bodies.members[w, m]
+        v = bodies.rate[w, i]
+        push = find_push(scene, bodies, w, i, step.time, step.h)
+        bodies.push[w, i] = push
+        bodies.next_rate[w, i] = v
+        bodies.coupled[w, i] = joints.hinged[i]
+        if not (v[0] * v[0] + v[1] * v[1] < ABSURD * ABSURD and wp.abs(v[2]) < ABSURD * wp.float64(100.0)):
+            if step.diverged == 0:
                 samples.outcome.diverged_object[w] = i
-                if samples.outcome.overflowed[w] == 0:
-                    samples.outcome.diverged_time[w] = step.time
-            fastest = wp.max(fastest, speed + wp.length(push) * step.h)
-    step.fastest = fastest
+            step.diverged = 1
+            if samples.outcome.overflowed[w] == 0:
+                samples.outcome.diverged_time[w] = step.time
+        heaviest = wp.max(heaviest, push[0] * push[0] + push[1] * push[1])
+    step.heaviest = wp.sqrt(heaviest)
     return step
 
 
@@ -97,26 +97,33 @@ def note_touch(bodies: Bodies, w: wp.int32, i: wp.int32) -> None:
 
 
 @wp.func
-def renew_pushes(scene: Scene, bodies: Bodies, contacts: Contacts, step: Step) -> None:
+def renew_pushes(scene: Scene, bodies: Bodies, contacts: Contacts, references: References, step: Step) -> None:
     """Compute pushes again where an impact has changed the rate, or a contact has started or ended.
 
     In `touching`, the lowest bit is this step's, the next the last step's.
     """
     w = step.w
     n = scene.bodies
-    for i in range(n):
+    for m in range(step.members):
+        i = bodies.members[w, m]
         bodies.touching[w, i] = (bodies.touching[w, i] % 2) * 2
-    for k in range(step.rows):
-        row = contacts.rows[w, step.half, k]
-        if row.touching == 1:
-            slowest = wp.length(bodies.push[w, row.a])
-            if row.b < n:
-                slowest = wp.max(slowest, wp.length(bodies.push[w, row.b]))
-            if separation_speed(scene, bodies, w, row)[0] <= slowest * step.whole + SLOWEST:
-                note_touch(bodies, w, row.a)
-                if row.b < n:
-                    note_touch(bodies, w, row.b)
-    for i in range(n):
+    for k in range(step.active):
+        r = contacts.active[step.slot, k]
+        if contacts.rows[step.slot, step.half, r].touching == 1:
+            a = contacts.rows[step.slot, step.half, r].a
+            b = contacts.rows[step.slot, step.half, r].b
+            slowest = wp.length(bodies.push[w, a])
+            if b < n:
+                slowest = wp.max(slowest, wp.length(bodies.push[w, b]))
+            parting = row_velocity(references.scene, references.contacts, bodies.next_rate, w, step.slot, step.half, r)[
+                0
+            ]
+            if parting <= slowest * step.whole + SLOWEST:
+                note_touch(bodies, w, a)
+                if b < n:
+                    note_touch(bodies, w, b)
+    for m in range(step.members):
+        i = bodies.members[w, m]
         changed = bodies.touching[w, i] == 1 or bodies.touching[w, i] == 2
         if bodies.coupled[w, i] == 1 and wp.length_sq(bodies.next_rate[w, i] - bodies.rate[w, i]) > ZERO:
             bodies.rate[w, i] = bodies.next_rate[w, i]
@@ -126,11 +133,11 @@ def renew_pushes(scene: Scene, bodies: Bodies, contacts: Contacts, step: Step) -
 
 
 @wp.func
-def note_reactions(scene: Scene, bodies: Bodies, step: Step) -> None:
+def note_reactions(bodies: Bodies, step: Step) -> None:
     """Keep what contacts, hinges and the supporting plane did to the bodies in a step for the next."""
     w = step.w
     if TWO * step.h >= step.whole:
-        for i in range(scene.bodies):
-            if scene.schedule.joins[i] <= step.segment:
-                change = bodies.next_rate[w, i] - unheld_rate(bodies, w, i, step.h)
-                bodies.reaction[w, i] = change / step.h
+        for m in range(step.members):
+            i = bodies.members[w, m]
+            change = bodies.next_rate[w, i] - unheld_rate(bodies, w, i, step.h)
+            bodies.reaction[w, i] = change / step.h

@@ -9,7 +9,7 @@ that would pull the point apart is projected out at the step's end, which can on
 import warp as wp
 
 from polyworld.solver.planar.motion import shift_of
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, Scene, Step
+from polyworld.solver.planar.records import Bodies, Joints, Scene, Step
 
 wp.set_module_options({"enable_backward": False})
 
@@ -77,158 +77,184 @@ def sign_of(e: wp.int32) -> wp.float64:
 
 
 @wp.func
-def begin_hinges(scene: Scene, joints: Joints, w: wp.int32, segment: wp.int32) -> None:
+def begin_hinges(scene: Scene, joints: wp.array[Joints], w: wp.int32, segment: wp.int32) -> None:
     """Activate the hinges whose bodies move in this segment."""
-    for j in range(joints.count):
-        joints.active[w, j] = wp.where(scene.schedule.joins[joints.body[j, 0]] <= segment, 1, 0)
+    for j in range(joints[0].count):
+        joints[0].active[w, j] = wp.where(scene.schedule.joins[joints[0].body[j, 0]] <= segment, 1, 0)
 
 
 @wp.func
-def reach_pivot(bodies: Bodies, joints: Joints, w: wp.int32, j: wp.int32) -> wp.vec3d:
+def reach_pivot(bodies: wp.array[Bodies], joints: wp.array[Joints], w: wp.int32, j: wp.int32) -> wp.vec3d:
     """Set the moment arms to the pivot at the current poses; return the compliance there."""
     k = wp.vec3d()
-    for e in range(joints.ends):
-        i = joints.body[j, e]
+    for e in range(joints[0].ends):
+        i = joints[0].body[j, e]
         if i >= 0:
-            moment_arm = rotated(joints.arm[w, j, e], bodies.pose[w, i][2])
-            joints.moment_arm[w, j, e] = moment_arm
-            k += compliance(moment_arm, bodies.inverse_mass[w, i], bodies.inverse_inertia[w, i])
+            moment_arm = rotated(joints[0].arm[w, j, e], bodies[0].pose[w, i][2])
+            joints[0].moment_arm[w, j, e] = moment_arm
+            k += compliance(moment_arm, bodies[0].inverse_mass[w, i], bodies[0].inverse_inertia[w, i])
     return k
 
 
 @wp.func
-def project_hinge_rate(bodies: Bodies, joints: Joints, w: wp.int32, j: wp.int32) -> wp.float64:
+def project_hinge_rate(bodies: wp.array[Bodies], joints: wp.array[Joints], w: wp.int32, j: wp.int32) -> wp.float64:
     """Remove the relative velocity at one pivot (Gauss-Seidel). Returns the one it found [m/s]."""
-    if joints.active[w, j] == 0:
+    if joints[0].active[w, j] == 0:
         return ZERO
     k = reach_pivot(bodies, joints, w, j)
     gap = wp.vec2d()
-    for e in range(joints.ends):
-        i = joints.body[j, e]
+    for e in range(joints[0].ends):
+        i = joints[0].body[j, e]
         if i >= 0:
-            gap += tip(bodies.next_rate[w, i], joints.moment_arm[w, j, e]) * sign_of(e)
+            gap += tip(bodies[0].next_rate[w, i], joints[0].moment_arm[w, j, e]) * sign_of(e)
     p = solve(k, gap)
-    for e in range(joints.ends):
-        i = joints.body[j, e]
+    for e in range(joints[0].ends):
+        i = joints[0].body[j, e]
         if i >= 0:
-            bodies.next_rate[w, i] = bodies.next_rate[w, i] + impulse_response(
-                p * sign_of(e), joints.moment_arm[w, j, e], bodies.inverse_mass[w, i], bodies.inverse_inertia[w, i]
+            bodies[0].next_rate[w, i] = bodies[0].next_rate[w, i] + impulse_response(
+                p * sign_of(e),
+                joints[0].moment_arm[w, j, e],
+                bodies[0].inverse_mass[w, i],
+                bodies[0].inverse_inertia[w, i],
             )
     return wp.length(gap)
 
 
 @wp.func
-def project_hinge_rates(scene: Scene, bodies: Bodies, joints: Joints, w: wp.int32) -> None:
+def project_hinge_rates(scene: Scene, bodies: wp.array[Bodies], joints: wp.array[Joints], w: wp.int32) -> None:
     """Project the rates onto those the hinges allow: the nearest in kinetic energy, so none is gained."""
     fastest = ZERO
     for i in range(scene.bodies):
-        bodies.next_rate[w, i] = bodies.rate[w, i]
-        fastest = wp.max(fastest, wp.length(bodies.rate[w, i]))
+        bodies[0].next_rate[w, i] = bodies[0].rate[w, i]
+        fastest = wp.max(fastest, wp.length(bodies[0].rate[w, i]))
     for _ in range(RATE_SWEEPS):
         residual = ZERO
-        for j in range(joints.count):
+        for j in range(joints[0].count):
             residual = wp.max(residual, project_hinge_rate(bodies, joints, w, j))
         if residual <= wp.float64(1.0e-13) * fastest:
             break
     for i in range(scene.bodies):
-        bodies.rate[w, i] = bodies.next_rate[w, i]
+        bodies[0].rate[w, i] = bodies[0].next_rate[w, i]
 
 
 @wp.func
-def mobility(bodies: Bodies, w: wp.int32, i: wp.int32) -> wp.vec2d:
+def mobility(bodies: wp.array[Bodies], w: wp.int32, i: wp.int32) -> wp.vec2d:
     """Return the change of `next_rate` (linear, angular) per unit impulse of a force, damped as all forces are."""
     return wp.vec2d(
-        bodies.inverse_mass[w, i] * bodies.linear_decay[w, i][1],
-        bodies.inverse_inertia[w, i] * bodies.angular_decay[w, i][1],
+        bodies[0].inverse_mass[w, i] * bodies[0].linear_decay[w, i][1],
+        bodies[0].inverse_inertia[w, i] * bodies[0].angular_decay[w, i][1],
     )
 
 
 @wp.func
-def warm_start_hinges(bodies: Bodies, joints: Joints, w: wp.int32, ratio: wp.float64, h: wp.float64) -> wp.float64:
-    """Warm-start with the last step's impulses times `ratio`; return the speed scale of the hinged bodies."""
+def moved_by(bodies: wp.array[Bodies], w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec3d:
+    """Return the change of a body's pose over h."""
+    return shift_of(
+        bodies[0].rate[w, i],
+        bodies[0].next_rate[w, i],
+        bodies[0].linear_decay[w, i],
+        bodies[0].angular_decay[w, i],
+        h,
+    )
+
+
+@wp.func
+def warm_start_hinges(
+    bodies: wp.array[Bodies], joints: wp.array[Joints], w: wp.int32, ratio: wp.float64, h: wp.float64
+) -> wp.float64:
+    """Warm-start with the last step's impulses times `ratio`; return the speed scale of the hinged bodies[0]."""
     pushed = ZERO
-    for j in range(joints.count):
-        p = joints.impulse[w, j] * ratio
-        joints.impulse[w, j] = p
-        for e in range(joints.ends):
-            i = joints.body[j, e]
-            if i >= 0 and joints.active[w, j] == 1:
-                joints.moment_arm[w, j, e] = wp.vec2d()  # the first visit moves the impulse out to the pivot
+    for j in range(joints[0].count):
+        p = joints[0].impulse[w, j] * ratio
+        joints[0].impulse[w, j] = p
+        for e in range(joints[0].ends):
+            i = joints[0].body[j, e]
+            if i >= 0 and joints[0].active[w, j] == 1:
+                joints[0].moment_arm[w, j, e] = wp.vec2d()  # the first visit moves the impulse out to the pivot
                 change = p * (sign_of(e) * mobility(bodies, w, i)[0])
-                bodies.next_rate[w, i] = bodies.next_rate[w, i] + wp.vec3d(change[0], change[1], ZERO)
-                pushed = wp.max(pushed, wp.max(wp.length(bodies.push[w, i]) * h, wp.length(bodies.rate[w, i])))
+                bodies[0].next_rate[w, i] = bodies[0].next_rate[w, i] + wp.vec3d(change[0], change[1], ZERO)
+                pushed = wp.max(pushed, wp.max(wp.length(bodies[0].push[w, i]) * h, wp.length(bodies[0].rate[w, i])))
     return pushed
 
 
 @wp.func
-def solve_hinge(bodies: Bodies, joints: Joints, w: wp.int32, j: wp.int32, h: wp.float64) -> wp.float64:
+def solve_hinge(
+    bodies: wp.array[Bodies], joints: wp.array[Joints], w: wp.int32, j: wp.int32, h: wp.float64
+) -> wp.float64:
     """Solve one hinge (Gauss-Seidel): both ends move the pivot equally far. Returns the error [m/s]."""
-    if joints.active[w, j] == 0:
+    if joints[0].active[w, j] == 0:
         return ZERO
-    p = joints.impulse[w, j]
+    p = joints[0].impulse[w, j]
     gap = wp.vec2d()
     k = wp.vec3d()
-    for e in range(joints.ends):
-        i = joints.body[j, e]
+    for e in range(joints[0].ends):
+        i = joints[0].body[j, e]
         if i >= 0:
             mobile = mobility(bodies, w, i)
-            moment_arm = mean_moment_arm(joints.arm[w, j, e], bodies.pose[w, i][2], shift_of(bodies, w, i, h)[2])
+            moment_arm = mean_moment_arm(joints[0].arm[w, j, e], bodies[0].pose[w, i][2], moved_by(bodies, w, i, h)[2])
             # The impulse so far moves to where the pivot now passes: the whole of it acts at one point.
-            moved = moment_arm - joints.moment_arm[w, j, e]
-            joints.moment_arm[w, j, e] = moment_arm
+            moved = moment_arm - joints[0].moment_arm[w, j, e]
+            joints[0].moment_arm[w, j, e] = moment_arm
             twist = impulse_response(p * sign_of(e), moved, ZERO, mobile[1])
-            bodies.next_rate[w, i] = bodies.next_rate[w, i] + twist
-            gap += tip(shift_of(bodies, w, i, h), moment_arm) * sign_of(e)
+            bodies[0].next_rate[w, i] = bodies[0].next_rate[w, i] + twist
+            gap += tip(moved_by(bodies, w, i, h), moment_arm) * sign_of(e)
             # From a change of rate to the change of the shift: see `shift_of`.
             k += compliance(
-                moment_arm, mobile[0] * h * bodies.linear_decay[w, i][2], mobile[1] * h * bodies.angular_decay[w, i][2]
+                moment_arm,
+                mobile[0] * h * bodies[0].linear_decay[w, i][2],
+                mobile[1] * h * bodies[0].angular_decay[w, i][2],
             )
     change = solve(k, gap)
-    joints.impulse[w, j] = p + change
-    for e in range(joints.ends):
-        i = joints.body[j, e]
+    joints[0].impulse[w, j] = p + change
+    for e in range(joints[0].ends):
+        i = joints[0].body[j, e]
         if i >= 0:
             mobile = mobility(bodies, w, i)
-            bodies.next_rate[w, i] = bodies.next_rate[w, i] + impulse_response(
-                change * sign_of(e), joints.moment_arm[w, j, e], mobile[0], mobile[1]
+            bodies[0].next_rate[w, i] = bodies[0].next_rate[w, i] + impulse_response(
+                change * sign_of(e), joints[0].moment_arm[w, j, e], mobile[0], mobile[1]
             )
     return wp.length(gap) / h
 
 
 @wp.func
-def project_hinge(scene: Scene, bodies: Bodies, joints: Joints, w: wp.int32, j: wp.int32) -> wp.float64:
+def project_hinge(
+    scene: Scene, bodies: wp.array[Bodies], joints: wp.array[Joints], w: wp.int32, j: wp.int32
+) -> wp.float64:
     """Project one hinge onto a common pivot (Gauss-Seidel). Returns a bound of how far a point moved [m]."""
-    if joints.active[w, j] == 0:
+    if joints[0].active[w, j] == 0:
         return ZERO
     k = reach_pivot(bodies, joints, w, j)
-    gap = joints.anchor[w, j]
-    if joints.body[j, 1] >= 0:
+    gap = joints[0].anchor[w, j]
+    if joints[0].body[j, 1] >= 0:
         gap = wp.vec2d()
     size = ZERO
-    for e in range(joints.ends):
-        i = joints.body[j, e]
+    for e in range(joints[0].ends):
+        i = joints[0].body[j, e]
         if i >= 0:
-            pose = bodies.pose[w, i]
-            moment_arm = joints.moment_arm[w, j, e]
+            pose = bodies[0].pose[w, i]
+            moment_arm = joints[0].moment_arm[w, j, e]
             gap += (wp.vec2d(pose[0], pose[1]) + moment_arm) * sign_of(e)
             size += wp.abs(pose[0]) + wp.abs(pose[1]) + wp.length(moment_arm)
     if not wp.length(gap) > wp.float64(1.0e-14) * size:  # rounding
         return ZERO
     p = solve(k, gap)
     moved = ZERO
-    for e in range(joints.ends):
-        i = joints.body[j, e]
+    for e in range(joints[0].ends):
+        i = joints[0].body[j, e]
         if i >= 0:
             change = impulse_response(
-                p * sign_of(e), joints.moment_arm[w, j, e], bodies.inverse_mass[w, i], bodies.inverse_inertia[w, i]
+                p * sign_of(e),
+                joints[0].moment_arm[w, j, e],
+                bodies[0].inverse_mass[w, i],
+                bodies[0].inverse_inertia[w, i],
             )
-            bodies.pose[w, i] = bodies.pose[w, i] + change
+            bodies[0].pose[w, i] = bodies[0].pose[w, i] + change
             moved += wp.abs(change[0]) + wp.abs(change[1]) + wp.abs(change[2]) * scene.bound[i]
     return moved
 
 
 @wp.func
-def project_hinges(scene: Scene, bodies: Bodies, joints: Joints, w: wp.int32) -> wp.float64:
+def project_hinges(scene: Scene, bodies: wp.array[Bodies], joints: wp.array[Joints], w: wp.int32) -> wp.float64:
     """Project the hinges that rounding, a step cut short or a parted overlap has opened; velocities stay.
 
     Returns a bound of how far any point moved [m].
@@ -236,7 +262,7 @@ def project_hinges(scene: Scene, bodies: Bodies, joints: Joints, w: wp.int32) ->
     total = ZERO
     for _ in range(POSE_SWEEPS):
         moved = ZERO
-        for j in range(joints.count):
+        for j in range(joints[0].count):
             moved += project_hinge(scene, bodies, joints, w, j)
         total += moved
         if moved == ZERO:
@@ -245,10 +271,10 @@ def project_hinges(scene: Scene, bodies: Bodies, joints: Joints, w: wp.int32) ->
 
 
 @wp.func
-def hold_hinges(scene: Scene, bodies: Bodies, contacts: Contacts, joints: Joints, step: Step) -> wp.float64:
-    """Project poses and rates onto the hinges at the end of a step. Returns a bound of how far any point moved [m]."""
+def hold_hinges(scene: Scene, bodies: wp.array[Bodies], joints: wp.array[Joints], step: Step) -> None:
+    """Project poses and rates onto the hinges at the end of a part of a step."""
     moved = project_hinges(scene, bodies, joints, step.w)
-    for k in range(step.near):
-        contacts.near_gap[step.w, k] = contacts.near_gap[step.w, k] - TWO * moved
+    for i in range(scene.bodies):
+        bodies[0].margin[step.w, i] = bodies[0].margin[step.w, i] - moved
+        bodies[0].path[step.w, i] = bodies[0].path[step.w, i] + moved
     project_hinge_rates(scene, bodies, joints, step.w)
-    return moved

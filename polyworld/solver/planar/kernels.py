@@ -3,16 +3,19 @@
 import warp as wp
 
 from polyworld.solver.core.episodes import Log
-from polyworld.solver.planar.episodes import record_last_contacts
-from polyworld.solver.planar.joints import begin_hinges
+from polyworld.solver.planar.episodes import record_contacts, record_last_contacts
+from polyworld.solver.planar.impact_time import first_impact
+from polyworld.solver.planar.islands import gather_everyone, gather_island
+from polyworld.solver.planar.joints import begin_hinges, hold_hinges
+from polyworld.solver.planar.motion import move_bodies
 from polyworld.solver.planar.records import Bodies, Contacts, Joints, References, Samples, Scene, Step
-from polyworld.solver.planar.step import advance
+from polyworld.solver.planar.step import set_paths
 
 wp.set_module_options({"enable_backward": False})
 
 ZERO = wp.float64(0.0)
 ONE = wp.float64(1.0)
-ROUNDING = wp.float64(1.0e-12)  # part of a step that is none
+RENEWALS = 3  # of the near list within a step
 
 
 @wp.kernel(enable_backward=False)
@@ -25,8 +28,14 @@ def roll_out(
     samples: Samples,
     references: References,
     first: wp.int32,
+    slot: wp.int32,
+    apart: wp.int32,
 ) -> None:
-    """Roll world first + tid out through the segments of its schedule."""
+    """Roll world first + tid out through the segments of its schedule, with row slot + apart tid of the scratch arrays.
+
+    On a CPU the threads of a launch run one after the other, so one row serves them all (apart 0) and stays in the
+    cache; where they run at the same time each has its own (apart 1).
+    """
     w = first + wp.tid()
     own = scene.schedule.own[w]
     n = scene.bodies
@@ -37,7 +46,8 @@ def roll_out(
         start = ZERO
         step = Step()
         step.w = w
-        step.room = -ONE
+        step.slot = slot + apart * wp.tid()
+        step.renew = 1
         step.last_h = ONE
     for segment in range(scene.schedule.reach[w]):
         step.segment = segment
@@ -46,24 +56,54 @@ def roll_out(
         joined = wp.int32(0)
         for i in range(n):
             if scene.schedule.joins[i] == segment:
-                step.room = -ONE
+                step.renew = 1
                 joined = wp.int32(1)
-        if joints.count > 0 and joined == 1:
-            begin_hinges(scene, joints, w, segment)
+        if joined == 1:
+            step = gather_everyone(scene, bodies, step)
+            if joints.count > 0:
+                begin_hinges(scene, references.joints, w, segment)
         step.whole = ZERO
         if steps > 0:
             step.whole = (end - start) / wp.float64(steps)
         for number in range(steps):
             if step.diverged == 1:
                 break
-            left = step.whole
-            step.parts = 0
-            while left > ROUNDING * step.whole and step.diverged == 0:
-                step.h = left
-                step.time = start + wp.float64(number + 1) * step.whole - left
-                step = advance(scene, bodies, contacts, joints, log, samples, references, step)
-                left -= step.part
-                step.parts = step.parts + 1
+            step.start = start + wp.float64(number) * step.whole
+            step.begin = ZERO
+            step.effort = 0
+            step.meets = 0
+            if number == 0:
+                step.alike = 0
+            renewals = wp.int32(0)
+            going = wp.int32(1)
+            while going == 1:
+                step.h = step.whole - step.begin
+                step.time = step.start + step.begin
+                step = set_paths(scene, bodies, contacts, joints, samples, references, step)
+                if step.diverged == 1:
+                    break
+                time = step.whole
+                impact = first_impact(scene, bodies, contacts, step)
+                if step.lost == 1 and renewals < RENEWALS:
+                    time = step.begin
+                    renewals += 1
+                    if step.everyone == 0:
+                        step = gather_everyone(scene, bodies, step)
+                elif impact >= 0:
+                    time = contacts.meet[step.slot, impact]
+                    step = gather_island(scene, bodies, contacts, joints, step, contacts.near[step.slot, impact])
+                    step.effort = step.effort + step.members
+                else:
+                    going = wp.int32(0)
+                    if step.everyone == 0:
+                        step = gather_everyone(scene, bodies, step)
+                if log.record == 1:
+                    record_contacts(bodies, contacts, log, step, time)
+                move_bodies(scene, bodies, step, time)
+                if joints.count > 0:
+                    hold_hinges(scene, references.bodies, references.joints, step)
+                    step.slack = -ONE
+                step.begin = time
         start = end
         step.time = end
         sample = scene.schedule.sample[own, segment]
@@ -73,4 +113,4 @@ def roll_out(
                 samples.rate[w, sample, i] = bodies.rate[w, i]
     contacts.last[w] = step
     if log.record == 1 and step.diverged == 0 and n > 0:
-        record_last_contacts(scene, bodies, contacts, samples, log, step)
+        record_last_contacts(bodies, contacts, references, samples, log, step)

@@ -67,13 +67,12 @@ def decay(damping: wp.float64, h: wp.float64) -> wp.vec3d:
 
 
 @wp.func
-def set_step(scene: Scene, bodies: Bodies, w: wp.int32, h: wp.float64) -> None:
-    """Damping factors of a step of length h; kept while h stays the same to rounding."""
-    if wp.abs(h - bodies.decay_step[w]) > wp.float64(1.0e-12) * h:
-        bodies.decay_step[w] = h
-        for i in range(scene.bodies):
-            bodies.linear_decay[w, i] = decay(bodies.linear_damping[w, i], h)
-            bodies.angular_decay[w, i] = decay(bodies.angular_damping[w, i], h)
+def set_step(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> None:
+    """Damping factors of body i over a step of length h; kept while h stays the same to rounding."""
+    if wp.abs(h - bodies.decay_step[w, i]) > wp.float64(1.0e-12) * h:
+        bodies.decay_step[w, i] = h
+        bodies.linear_decay[w, i] = decay(bodies.linear_damping[w, i], h)
+        bodies.angular_decay[w, i] = decay(bodies.angular_damping[w, i], h)
 
 
 @wp.func
@@ -90,9 +89,13 @@ def unheld_rate(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.v
 
 
 @wp.func
+def stiffness(mass: wp.float64, patch: wp.float64, inverse_inertia: wp.float64) -> wp.float64:
+    return mass * patch * patch * inverse_inertia
+
+
+@wp.func
 def stiffness_of(bodies: Bodies, w: wp.int32, i: wp.int32) -> wp.float64:
-    r = bodies.patch[w, i]
-    return bodies.mass[w, i] * r * r * bodies.inverse_inertia[w, i]
+    return stiffness(bodies.mass[w, i], bodies.patch[w, i], bodies.inverse_inertia[w, i])
 
 
 @wp.func
@@ -164,12 +167,11 @@ def free_rate(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec
 
 
 @wp.func
-def shift_of(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec3d:
-    """Change of pose over h from `rate` to `next_rate`: exact for constant acceleration with damping."""
-    v = bodies.rate[w, i]
-    u = bodies.next_rate[w, i]
-    linear = bodies.linear_decay[w, i]
-    angular = bodies.angular_decay[w, i]
+def shift_of(v: wp.vec3d, u: wp.vec3d, linear: wp.vec3d, angular: wp.vec3d, h: wp.float64) -> wp.vec3d:
+    """Change of pose over h from the rate v to u: exact for constant acceleration with damping.
+
+    linear, angular: see `decay`.
+    """
     x = linear[1] * h * v[0] + linear[2] * h * (u[0] - linear[0] * v[0])
     y = linear[1] * h * v[1] + linear[2] * h * (u[1] - linear[0] * v[1])
     z = angular[1] * h * v[2] + angular[2] * h * (u[2] - angular[0] * v[2])
@@ -206,7 +208,10 @@ def find_shift(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> None:
     """Change of pose over h; a stop by friction within h is respected."""
     v = bodies.rate[w, i]
     u = bodies.next_rate[w, i]
-    shift = shift_of(bodies, w, i, h)
+    if v[0] == ZERO and v[1] == ZERO and v[2] == ZERO and u[0] == ZERO and u[1] == ZERO and u[2] == ZERO:
+        bodies.shift[w, i] = wp.vec3d()
+        return
+    shift = shift_of(v, u, bodies.linear_decay[w, i], bodies.angular_decay[w, i], h)
     x = shift[0]
     y = shift[1]
     z = shift[2]
@@ -220,63 +225,94 @@ def find_shift(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> None:
 
 
 @wp.func
-def pose_at(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.float64, h: wp.float64) -> wp.vec3d:
-    """Pose `time` into a step of length h: quadratic in time through the pose, the rate and the shift."""
+def pose_at(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.float64, whole: wp.float64) -> wp.vec3d:
+    """Pose `time` into a step of length `whole`: quadratic in time through the pose, the rate and the shift."""
     if i >= scene.bodies:
         return bodies.static_pose[w, i - scene.bodies]
-    part = time / h
-    straight = bodies.rate[w, i] * time
+    gone = time - bodies.since[w, i]
+    h = whole - bodies.since[w, i]
+    part = gone / h
+    straight = bodies.rate[w, i] * gone
     return bodies.pose[w, i] + straight + (bodies.shift[w, i] - bodies.rate[w, i] * h) * (part * part)
+
+
+@wp.func
+def rate_at(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.float64, whole: wp.float64) -> wp.vec3d:
+    """Rate `time` into a step of length `whole` along the path that `pose_at` follows."""
+    if i >= scene.bodies:
+        return wp.vec3d()
+    h = whole - bodies.since[w, i]
+    part = (time - bodies.since[w, i]) / h
+    return bodies.rate[w, i] + (bodies.shift[w, i] / h - bodies.rate[w, i]) * (TWO * part)
 
 
 @wp.func
 def couple_bodies(scene: Scene, bodies: Bodies, contacts: Contacts, step: Step) -> None:
     """Mark the bodies that contact rows act on."""
-    for k in range(step.rows):
-        row = contacts.rows[step.w, step.half, k]
-        bodies.coupled[step.w, row.a] = 1
-        if row.b < scene.bodies:
-            bodies.coupled[step.w, row.b] = 1
+    for k in range(step.active):
+        r = contacts.active[step.slot, k]
+        bodies.coupled[step.w, contacts.rows[step.slot, step.half, r].a] = 1
+        b = contacts.rows[step.slot, step.half, r].b
+        if b < scene.bodies:
+            bodies.coupled[step.w, b] = 1
 
 
 @wp.func
-def predict_rates(scene: Scene, bodies: Bodies, step: Step) -> None:
+def predict_rates(bodies: Bodies, step: Step) -> None:
     """Rates at the end of a step without contacts and hinges; without friction, too, of the bodies these act on."""
     w = step.w
-    set_step(scene, bodies, w, step.h)
-    for i in range(scene.bodies):
-        if scene.schedule.joins[i] <= step.segment:
-            if bodies.coupled[w, i] == 1:
-                bodies.rate[w, i] = bodies.next_rate[w, i]  # impacts may have changed it
-                bodies.next_rate[w, i] = unheld_rate(bodies, w, i, step.h)
-                bodies.drag[w, i] = wp.vec3d()
-            else:
-                bodies.next_rate[w, i] = free_rate(bodies, w, i, step.h)
+    for m in range(step.members):
+        i = bodies.members[w, m]
+        if step.alike == 0 or step.begin > ZERO:
+            set_step(bodies, w, i, step.h)
+        if bodies.coupled[w, i] == 1:
+            bodies.rate[w, i] = bodies.next_rate[w, i]  # impacts may have changed it
+            bodies.next_rate[w, i] = unheld_rate(bodies, w, i, step.h)
+            bodies.drag[w, i] = wp.vec3d()
+        else:
+            bodies.next_rate[w, i] = free_rate(bodies, w, i, step.h)
 
 
 @wp.func
-def find_shifts(scene: Scene, bodies: Bodies, step: Step) -> None:
+def still(bodies: Bodies, w: wp.int32, i: wp.int32) -> bool:
+    """Check whether a body stays where it is to the end of the step."""
+    v = bodies.rate[w, i]
+    s = bodies.shift[w, i]
+    return v[0] == ZERO and v[1] == ZERO and v[2] == ZERO and s[0] == ZERO and s[1] == ZERO and s[2] == ZERO
+
+
+@wp.func
+def find_shifts(bodies: Bodies, step: Step) -> None:
     """Find the change of pose of each body over a step."""
-    for i in range(scene.bodies):
-        if scene.schedule.joins[i] <= step.segment:
-            find_shift(bodies, step.w, i, step.h)
+    for m in range(step.members):
+        find_shift(bodies, step.w, bodies.members[step.w, m], step.h)
 
 
 @wp.func
-def move_bodies(scene: Scene, bodies: Bodies, step: Step) -> wp.float64:
-    """Move the bodies by the part of the step that is taken. Returns how far the centre that moved most did [m]."""
+def move_bodies(scene: Scene, bodies: Bodies, step: Step, time: wp.float64) -> None:
+    """Move the members along their paths to `time` in the step [s]; at its end, the next step begins."""
     w = step.w
-    share = step.part / step.h
-    moved = ZERO
-    for i in range(scene.bodies):
-        if scene.schedule.joins[i] <= step.segment:
-            was = bodies.pose[w, i]
-            if step.part == step.h:
-                bodies.pose[w, i] = was + bodies.shift[w, i]
-                bodies.rate[w, i] = bodies.next_rate[w, i]
-            else:
-                bodies.pose[w, i] = pose_at(scene, bodies, w, i, step.part, step.h)
-                bodies.rate[w, i] = wp.lerp(bodies.rate[w, i], bodies.next_rate[w, i], share)
-            now = bodies.pose[w, i]
-            moved = wp.max(moved, wp.length(wp.vec2d(now[0] - was[0], now[1] - was[1])))
-    return moved
+    for m in range(step.members):
+        i = bodies.members[w, m]
+        was = bodies.pose[w, i]
+        if time == step.whole and still(bodies, w, i):
+            bodies.rate[w, i] = bodies.next_rate[w, i]
+            bodies.since[w, i] = ZERO
+            bodies.cuts[w, i] = 0
+            continue
+        if time == step.whole:
+            bodies.pose[w, i] = was + bodies.shift[w, i]
+            bodies.rate[w, i] = bodies.next_rate[w, i]
+            bodies.path[w, i] = bodies.path[w, i] + bodies.ahead[w, i]
+            bodies.margin[w, i] = bodies.margin[w, i] - bodies.stride[w, i]
+            bodies.since[w, i] = ZERO
+            bodies.cuts[w, i] = 0
+        else:
+            share = (time - bodies.since[w, i]) / (step.whole - bodies.since[w, i])
+            bodies.pose[w, i] = pose_at(scene, bodies, w, i, time, step.whole)
+            bodies.rate[w, i] = wp.lerp(bodies.rate[w, i], bodies.next_rate[w, i], share)
+            bodies.path[w, i] = bodies.path[w, i] + bodies.ahead[w, i] * share
+            bodies.margin[w, i] = bodies.margin[w, i] - bodies.stride[w, i] * share
+            if time > step.begin:
+                bodies.cuts[w, i] = bodies.cuts[w, i] + 1
+            bodies.since[w, i] = time

@@ -50,7 +50,24 @@ class Bodies:
     coupled: wp.array2d[wp.int32]  # whether a contact row or a hinge acts on the body in this step
     linear_decay: wp.array2d[wp.vec3d]  # exp(-ch), phi1(ch), phi2(ch)/phi1(ch) for the current h
     angular_decay: wp.array2d[wp.vec3d]
-    decay_step: wp.array[wp.float64]  # (W,) the h they were computed for
+    decay_step: wp.array2d[wp.float64]  # the h they were computed for
+    since: wp.array2d[wp.float64]  # when, in the step, the path now taken begins [s]
+    path: wp.array2d[wp.float64]  # no point has moved further than this since the near list was renewed [m]
+    ahead: wp.array2d[wp.float64]  # nor moves further than this to the end of the step [m]
+    stride: wp.array2d[wp.float64]  # nor the centre [m]
+    margin: wp.array2d[wp.float64]  # motion of the centre for which the near list still holds [m]
+    cuts: wp.array2d[wp.int32]  # impacts that have cut the body's path in this step
+    members: wp.array2d[wp.int32]  # the bodies whose paths the part being solved sets
+    member: wp.array2d[wp.int32]  # whether a body is one of them
+    label: wp.array2d[wp.int32]  # parent in the forest of bodies that contact rows connect
+    island: wp.array2d[wp.int32]  # members that rows or hinges act on, island by island
+    island_of: wp.array2d[wp.int32]  # index of the island of a root of the forest
+    first_row: wp.array2d[wp.int32]  # (W, n + 2) where each island begins in `Contacts.order`
+    first_body: wp.array2d[wp.int32]  # (W, n + 2) and in `island`
+    last_rate: wp.array2d[wp.vec3d]  # iterate and direction of the accelerated sweeps, and the same of `drag`
+    rate_direction: wp.array2d[wp.vec3d]
+    last_drag: wp.array2d[wp.vec3d]
+    drag_direction: wp.array2d[wp.vec3d]
     mass: wp.array2d[wp.float64]
     inverse_mass: wp.array2d[wp.float64]
     inverse_inertia: wp.array2d[wp.float64]
@@ -92,66 +109,93 @@ class Row:
 
     a: wp.int32
     b: wp.int32
-    slot: wp.int32  # index in the near list
-    touching: wp.int32
+    solved: wp.int32  # whether the sweeps now visit the row
+    sticks: wp.int32  # whether they bring the tangential speed to `slip_target`, beyond Coulomb's limit
     normal: wp.vec2d
+    levers: wp.vec4d  # moment arms about a and b of the normal, then of the tangent
+    mass: wp.vec3d  # effective: normal, tangent, roll
+    compliance: wp.vec3d  # its inverse: change of speed per impulse
+    coupling: wp.float64  # of the slip per normal impulse
+    target: wp.float64  # separation speed that the sweeps demand at least
+    slip_target: wp.float64
+    friction: wp.float64
+    rolling: wp.float64
+    impulse: wp.vec3d  # of the sweeps: normal, tangent, roll
+    last_impulse: wp.vec3d  # iterate and direction of the accelerated sweeps
+    direction: wp.vec3d
+    slot: wp.int32  # index in the near list
+    touching: wp.int32  # 1 if the point touches; -1 where a later part of the step has replaced the row
+    gap: wp.float64
+    restitution: wp.float64
     arm_a: wp.vec2d
     arm_b: wp.vec2d
-    gap: wp.float64
-    bounce: wp.float64  # separation speed demanded of the normal solve
+    force: wp.vec3d  # impulses over `span` that keep the bodies apart
+    span: wp.float64  # [s]
     approach: wp.float64  # approach speed when the interval began
-    mass_normal: wp.float64
-    mass_tangent: wp.float64
-    mass_roll: wp.float64
-    friction: wp.float64
-    restitution: wp.float64
-    rolling: wp.float64
-    impulse: wp.float64
-    impulse_tangent: wp.float64
-    impulse_roll: wp.float64
+    bounce: wp.float64  # separation speed that restitution demands in this round
     plastic: wp.int32  # whether the row has stopped bouncing in this impact
     stick_fraction: wp.float64  # above 0 where the tangential speed reaches `target_velocity`, beyond Coulomb's limit
     target_velocity: wp.float64
     tangential_loss: wp.float64  # share of the centres' tangential velocity that this round removes
     impact_impulse: wp.float64  # normal impulse of the impact that began the interval
-    round_impulse: wp.float64  # impulses of the current round of impacts
-    round_tangent: wp.float64
-    round_roll: wp.float64
     newton_impulse: wp.float64  # normal impulse of the round by Newton's law alone
 
 
 @wp.struct
 class Step:
-    """The step that a world takes, cut into parts by impacts, and what the last part left for this one.
+    """The step that a world takes, and the part of it now being solved.
 
-    part: how much of h is taken, all of it or up to the next impact. fastest: bound of the bodies' speeds in it.
+    The first part sets the paths of all bodies to the end of the step. Where two then collide, a further part sets
+    those of their island, the bodies that touch each other, from that time on; the others' paths stay.
     """
 
     w: wp.int32  # the world
+    slot: wp.int32  # its row in the scratch arrays
     segment: wp.int32
     diverged: wp.int32  # whether the world has diverged
-    parts: wp.int32  # parts of the step taken before
-    time: wp.float64  # at which this part begins [s]
+    effort: wp.int32  # bodies solved for again in this step
+    everyone: wp.int32  # whether the part is of all bodies
+    start: wp.float64  # when the step begins [s]
+    time: wp.float64  # when this part begins [s]
     whole: wp.float64  # length of the whole step [s]
-    h: wp.float64  # what is left of it [s]
-    part: wp.float64  # [s]
+    begin: wp.float64  # when, in the step, this part begins [s]
+    h: wp.float64  # from there to the end of the step [s]
     last_h: wp.float64  # h of the last part [s]
     ratio: wp.float64  # h over the last one
-    fastest: wp.float64  # [m/s]
-    room: wp.float64  # motion for which the near list still holds [m]
+    renew: wp.int32  # whether a body may move further than the near list allows in the next step
+    lost: wp.int32  # whether one does in this step
     near: wp.int32  # pairs in that list
-    half: wp.int32  # which half of the contact rows is this part's
+    slack: wp.float64  # no pair of it is nearer when the step begins, if above 0 [m]
+    heaviest: wp.float64  # greatest acceleration by gravity and effects [m/s^2]
+    reach: wp.float64  # a gap wider than this is closed only by an impact [m]
+    alike: wp.int32  # whether the last part was of all bodies, with h as long as it is again in the next step
+    members: wp.int32  # bodies of this part
+    bound_members: wp.int32  # of these, how many rows or hinges act on
+    half: wp.int32  # which half of the contact rows is this step's
     rows: wp.int32  # how many it has
+    active: wp.int32  # rows of this part
+    islands: wp.int32  # sets of this part's bodies that rows or hinges connect
+    meets: wp.int32  # whether any pair collides in this step
 
 
 @wp.struct
 class Contacts:
-    """Pairs that may meet soon, the contact rows of this step and the last, and the step with which a run ended."""
+    """Pairs that may meet soon, and the contact rows of this step and the last.
 
-    near: wp.array2d[wp.vec2i]
-    near_gap: wp.array2d[wp.float64]  # a lower bound of the pair's gap [m]
-    rows: wp.array3d[Row]  # (W, 2, C): one half is this step's, the other the last step's
-    last: wp.array[Step]  # (W,)
+    Scratch of the S worlds that run at the same time: first axis S, K pairs, C rows.
+    """
+
+    near: wp.array2d[wp.vec2i]  # (S, K)
+    near_gap: wp.array2d[wp.float64]  # no more than the pair's gap and the `path` of both bodies [m]
+    meet: wp.array2d[wp.float64]  # when in the step the pair collides, FAR if it does not [s]
+    row_at: wp.array2d[wp.int32]  # the pair's first row, in the half that was written last; -1 for none
+    row_count: wp.array2d[wp.int32]  # how many it has
+    kept: wp.array2d[wp.vec2i]  # (S, K) scratch: the pairs with rows while the near list is renewed,
+    kept_rows: wp.array2d[wp.vec2i]  # and their first row and number of rows
+    rows: wp.array3d[Row]  # (S, 2, C): one half is this step's, the other the last step's
+    active: wp.array2d[wp.int32]  # (S, C) the rows of the part being solved
+    order: wp.array2d[wp.int32]  # (S, C) the same, island by island
+    last: wp.array[Step]  # (W,) with which a run ended
 
 
 @wp.struct
@@ -170,3 +214,4 @@ class References:
     scene: wp.array[Scene]
     bodies: wp.array[Bodies]
     contacts: wp.array[Contacts]
+    joints: wp.array[Joints]

@@ -85,9 +85,7 @@ def build_scene(model: Model) -> tuple[Scene, Array]:
     outlines = bodies + [absent if s is None else s for s in statics]
     n = len(bodies)
     bound = [o.sweep + float(np.linalg.norm(o.vertices, axis=1).max(initial=0.0)) for o in outlines]
-    collides = np.array(
-        [[_overlap(outlines[a], outlines[b]) for b in range(len(outlines))] for a in range(n)], dtype=np.int32
-    ).reshape(n, len(outlines))
+    collides = _overlaps(outlines, n)
     collides[world.passing()] = 0
     volumes = [solid.volume for solid in model.solids]
     scene = Scene()
@@ -157,6 +155,11 @@ def _hinged(world: World) -> list[tuple[int, int]]:
     return [(index[h.object], -1 if h.other is None else index[h.other]) for h in world.joints]
 
 
-def _overlap(a: Outline, b: Outline) -> bool:
+def _overlaps(outlines: list[Outline], n: int) -> NDArray[np.int32]:
+    """Return whether the extents of the first n outlines along the plane's normal overlap those of all (n, n + s)."""
     slack = 1e-9
-    return a.low < b.high - slack and b.low < a.high - slack
+    low = np.array([o.low for o in outlines]).reshape(1, -1)
+    high = np.array([o.high for o in outlines]).reshape(1, -1) - slack
+    above, below = low < high[:, :n].T, high > low[:, :n].T
+    found: NDArray[np.int32] = (above & below).astype(np.int32)
+    return found

@@ -66,11 +66,11 @@ def double(normal: wp.vec2d, p: wp.vec2d, gap_p: wp.float64, q: wp.vec2d, gap_q:
 
 
 @wp.func
-def against_half_plane(scene: Scene, a: wp.int32, pose: wp.vec3d, line: wp.vec3d) -> Manifold:
+def against_half_plane(scene: wp.array[Scene], a: wp.int32, pose: wp.vec3d, line: wp.vec3d) -> Manifold:
     outward = wp.vec2d(line[0], line[1])
-    first = scene.first[a]
-    count = scene.first[a + 1] - first
-    radius = scene.sweep[a]
+    first = scene[0].first[a]
+    count = scene[0].first[a + 1] - first
+    radius = scene[0].sweep[a]
     c = wp.cos(pose[2])
     s = wp.sin(pose[2])
     centre = wp.vec2d(pose[0], pose[1])
@@ -80,17 +80,17 @@ def against_half_plane(scene: Scene, a: wp.int32, pose: wp.vec3d, line: wp.vec3d
     lowest = wp.int32(0)
     lowest_gap = FAR
     for i in range(count):
-        gap = base + wp.dot(outward, rotate(scene.vertices[first + i], c, s))
+        gap = base + wp.dot(outward, rotate(scene[0].vertices[first + i], c, s))
         if gap < lowest_gap:
             lowest_gap = gap
             lowest = i
     after = (lowest + 1) % count
     before = (lowest + count - 1) % count
-    p = centre + rotate(scene.vertices[first + lowest], c, s)
-    q = centre + rotate(scene.vertices[first + after], c, s)
+    p = centre + rotate(scene[0].vertices[first + lowest], c, s)
+    q = centre + rotate(scene[0].vertices[first + after], c, s)
     other_gap = wp.dot(outward, q) - line[2] - radius
     if count > 2:
-        r = centre + rotate(scene.vertices[first + before], c, s)
+        r = centre + rotate(scene[0].vertices[first + before], c, s)
         gap = wp.dot(outward, r) - line[2] - radius
         if gap < other_gap:
             other_gap = gap
@@ -105,23 +105,25 @@ def against_half_plane(scene: Scene, a: wp.int32, pose: wp.vec3d, line: wp.vec3d
 
 
 @wp.func
-def disc_and_polygon(scene: Scene, point: wp.vec2d, radius: wp.float64, b: wp.int32, pose: wp.vec3d) -> Manifold:
+def disc_and_polygon(
+    scene: wp.array[Scene], point: wp.vec2d, radius: wp.float64, b: wp.int32, pose: wp.vec3d
+) -> Manifold:
     """Manifold whose normal points from the polygon b to the disc."""
     c = wp.cos(pose[2])
     s = wp.sin(pose[2])
-    first = scene.first[b]
-    count = scene.first[b + 1] - first
+    first = scene[0].first[b]
+    count = scene[0].first[b + 1] - first
     local = rotate(wp.vec2d(point[0] - pose[0], point[1] - pose[1]), c, -s)
     best = -FAR
     edge = wp.int32(0)
     for i in range(count):
-        distance = wp.dot(scene.normals[first + i], local - scene.vertices[first + i])
+        distance = wp.dot(scene[0].normals[first + i], local - scene[0].vertices[first + i])
         if distance > best:
             best = distance
             edge = i
-    start = scene.vertices[first + edge]
-    end = scene.vertices[first + (edge + 1) % count]
-    normal = scene.normals[first + edge]
+    start = scene[0].vertices[first + edge]
+    end = scene[0].vertices[first + (edge + 1) % count]
+    normal = scene[0].normals[first + edge]
     if best > ZERO:
         corner = start
         beyond = wp.dot(local - start, end - start) < ZERO
@@ -133,15 +135,15 @@ def disc_and_polygon(scene: Scene, point: wp.vec2d, radius: wp.float64, b: wp.in
             if distance > ZERO:
                 normal = (local - corner) / distance
                 best = distance
-    gap = best - radius - scene.sweep[b]
+    gap = best - radius - scene[0].sweep[b]
     outward = rotate(normal, c, s)
     return single(outward, point - outward * (radius + HALF * gap), gap)
 
 
 @wp.func
 def widest_separation(
-    scene: Scene,
-    bodies: Bodies,
+    scene: wp.array[Scene],
+    bodies: wp.array[Bodies],
     w: wp.int32,
     a: wp.int32,
     angle: wp.float64,
@@ -152,17 +154,17 @@ def widest_separation(
     """Largest separation over the edge normals of a, and the edge's index."""
     c = wp.cos(angle)
     s = wp.sin(angle)
-    first = scene.first[a]
-    count = scene.first[a + 1] - first
-    count_b = scene.first[b + 1] - scene.first[b]
+    first = scene[0].first[a]
+    count = scene[0].first[a + 1] - first
+    count_b = scene[0].first[b + 1] - scene[0].first[b]
     best = -FAR
     edge = wp.int32(0)
     for i in range(count):
-        normal = rotate(scene.normals[first + i], c, s)
+        normal = rotate(scene[0].normals[first + i], c, s)
         least = FAR
         for j in range(count_b):
-            least = wp.min(least, wp.dot(normal, bodies.corners[w, at_b + j]))
-        least -= wp.dot(normal, bodies.corners[w, at_a + i])
+            least = wp.min(least, wp.dot(normal, bodies[0].corners[w, at_b + j]))
+        least -= wp.dot(normal, bodies[0].corners[w, at_a + i])
         if least > best:
             best = least
             edge = i
@@ -178,19 +180,27 @@ def nearest_on_segment(p: wp.vec2d, a: wp.vec2d, b: wp.vec2d) -> wp.vec2d:
 
 @wp.func
 def polygons(
-    scene: Scene, bodies: Bodies, w: wp.int32, a: wp.int32, pose_a: wp.vec3d, b: wp.int32, pose_b: wp.vec3d
+    scene: wp.array[Scene],
+    bodies: wp.array[Bodies],
+    w: wp.int32,
+    a: wp.int32,
+    pose_a: wp.vec3d,
+    b: wp.int32,
+    pose_b: wp.vec3d,
 ) -> Manifold:
-    count_a = scene.first[a + 1] - scene.first[a]
-    count_b = scene.first[b + 1] - scene.first[b]
+    count_a = scene[0].first[a + 1] - scene[0].first[a]
+    count_b = scene[0].first[b + 1] - scene[0].first[b]
     c = wp.cos(pose_a[2])
     s = wp.sin(pose_a[2])
     for i in range(count_a):
-        bodies.corners[w, i] = wp.vec2d(pose_a[0], pose_a[1]) + rotate(scene.vertices[scene.first[a] + i], c, s)
+        bodies[0].corners[w, i] = wp.vec2d(pose_a[0], pose_a[1]) + rotate(
+            scene[0].vertices[scene[0].first[a] + i], c, s
+        )
     c = wp.cos(pose_b[2])
     s = wp.sin(pose_b[2])
     for i in range(count_b):
-        bodies.corners[w, count_a + i] = wp.vec2d(pose_b[0], pose_b[1]) + rotate(
-            scene.vertices[scene.first[b] + i], c, s
+        bodies[0].corners[w, count_a + i] = wp.vec2d(pose_b[0], pose_b[1]) + rotate(
+            scene[0].vertices[scene[0].first[b] + i], c, s
         )
     by_a = widest_separation(scene, bodies, w, a, pose_a[2], 0, b, count_a)
     by_b = widest_separation(scene, bodies, w, b, pose_b[2], count_a, a, 0)
@@ -206,7 +216,7 @@ def polygons(
     angle_other = pose_b[2]
     separation = by_a[0]
     edge = wp.int32(by_a[1])
-    if by_b[0] > by_a[0] + HALF * scene.touch:
+    if by_b[0] > by_a[0] + HALF * scene[0].touch:
         reference = b
         other = a
         at_reference = count_a
@@ -217,25 +227,25 @@ def polygons(
         angle_other = pose_a[2]
         separation = by_b[0]
         edge = wp.int32(by_b[1])
-    normal = rotate(scene.normals[scene.first[reference] + edge], wp.cos(angle), wp.sin(angle))
-    r1 = bodies.corners[w, at_reference + edge]
-    r2 = bodies.corners[w, at_reference + (edge + 1) % count]
+    normal = rotate(scene[0].normals[scene[0].first[reference] + edge], wp.cos(angle), wp.sin(angle))
+    r1 = bodies[0].corners[w, at_reference + edge]
+    r2 = bodies[0].corners[w, at_reference + (edge + 1) % count]
     local = rotate(normal, wp.cos(angle_other), -wp.sin(angle_other))
     incident = wp.int32(0)
     least = FAR
     for i in range(count_other):
-        facing = wp.dot(local, scene.normals[scene.first[other] + i])
+        facing = wp.dot(local, scene[0].normals[scene[0].first[other] + i])
         if facing < least:
             least = facing
             incident = i
-    i1 = bodies.corners[w, at_other + incident]
-    i2 = bodies.corners[w, at_other + (incident + 1) % count_other]
+    i1 = bodies[0].corners[w, at_other + incident]
+    i2 = bodies[0].corners[w, at_other + (incident + 1) % count_other]
 
-    sweep = scene.sweep[reference] + scene.sweep[other]
+    sweep = scene[0].sweep[reference] + scene[0].sweep[other]
     towards_b = ONE
     if reference == b:
         towards_b = -ONE
-    if separation > -scene.touch and (separation > scene.touch or sweep > ZERO):
+    if separation > -scene[0].touch and (separation > scene[0].touch or sweep > ZERO):
         # Apart: nearest points of the two edges; where they are two corners, the face normal is not the direction.
         best_r = r1
         best_i = nearest_on_segment(r1, i1, i2)
@@ -252,10 +262,10 @@ def polygons(
             best_i = i2
             best_r = p
         distance = wp.length(best_i - best_r)
-        if distance > separation + scene.touch * HALF * HALF and distance > ZERO:
+        if distance > separation + scene[0].touch * HALF * HALF and distance > ZERO:
             direction = (best_i - best_r) / distance
             gap = distance - sweep
-            middle = best_r + direction * (scene.sweep[reference] + HALF * gap)
+            middle = best_r + direction * (scene[0].sweep[reference] + HALF * gap)
             return single(direction * towards_b, middle, gap)
 
     length = wp.length(r2 - r1)
@@ -264,7 +274,7 @@ def polygons(
     s2 = wp.dot(i2 - r1, tangent)
     gap1 = wp.dot(i1 - r1, normal) - sweep
     gap2 = wp.dot(i2 - r1, normal) - sweep
-    back = scene.sweep[other]
+    back = scene[0].sweep[other]
     span = s2 - s1
     if wp.abs(span) < wp.float64(1.0e-9) * length or wp.max(s1, s2) <= ZERO or wp.min(s1, s2) >= length:
         # The incident edge is upright on the face, or overhangs it: only its nearer end touches.
@@ -280,13 +290,19 @@ def polygons(
     return double(normal * towards_b, p1 - normal * (back + HALF * g1), g1, p2 - normal * (back + HALF * g2), g2)
 
 
-@wp.func
+@wp.func(inline=False)  # called in several places; by reference, for a call would copy the records
 def find_manifold(
-    scene: Scene, bodies: Bodies, w: wp.int32, a: wp.int32, pose_a: wp.vec3d, b: wp.int32, pose_b: wp.vec3d
+    scene: wp.array[Scene],
+    bodies: wp.array[Bodies],
+    w: wp.int32,
+    a: wp.int32,
+    pose_a: wp.vec3d,
+    b: wp.int32,
+    pose_b: wp.vec3d,
 ) -> Manifold:
     """Contact points of body a and body or static b in the given poses."""
-    count_a = scene.first[a + 1] - scene.first[a]
-    count_b = scene.first[b + 1] - scene.first[b]
+    count_a = scene[0].first[a + 1] - scene[0].first[a]
+    count_b = scene[0].first[b + 1] - scene[0].first[b]
     centre_a = wp.vec2d(pose_a[0], pose_a[1])
     centre_b = wp.vec2d(pose_b[0], pose_b[1])
     if count_b == 0:
@@ -296,12 +312,12 @@ def find_manifold(
         normal = wp.vec2d(ONE, ZERO)
         if distance > ZERO:
             normal = (centre_b - centre_a) / distance
-        gap = distance - scene.sweep[a] - scene.sweep[b]
-        return single(normal, centre_a + normal * (scene.sweep[a] + HALF * gap), gap)
+        gap = distance - scene[0].sweep[a] - scene[0].sweep[b]
+        return single(normal, centre_a + normal * (scene[0].sweep[a] + HALF * gap), gap)
     if count_a == 1:
-        m = disc_and_polygon(scene, centre_a, scene.sweep[a], b, pose_b)
+        m = disc_and_polygon(scene, centre_a, scene[0].sweep[a], b, pose_b)
         m.normal = -m.normal
         return m
     if count_b == 1:
-        return disc_and_polygon(scene, centre_b, scene.sweep[b], a, pose_a)
+        return disc_and_polygon(scene, centre_b, scene[0].sweep[b], a, pose_a)
     return polygons(scene, bodies, w, a, pose_a, b, pose_b)

@@ -19,7 +19,7 @@ from polyworld.solver.core.saved_state import SavedState
 from polyworld.solver.core.simulator import Batch, RigidSimulator
 from polyworld.solver.planar.kernels import roll_out
 from polyworld.solver.planar.plane_motion import PlaneMotion
-from polyworld.solver.planar.records import Bodies, Contacts, References, Row, Samples, Scene, Step
+from polyworld.solver.planar.records import Bodies, Contacts, Joints, References, Row, Samples, Scene, Step
 from polyworld.solver.planar.scene import build_joints, build_scene
 from polyworld.solver.planar.statics import rotation_in_plane, static_poses
 from polyworld.trajectory import Event
@@ -39,6 +39,22 @@ BODY_FIELDS = {
     "reaction": wp.vec3d,
     "touching": wp.int32,
     "coupled": wp.int32,
+    "decay_step": wp.float64,
+    "since": wp.float64,
+    "path": wp.float64,
+    "ahead": wp.float64,
+    "stride": wp.float64,
+    "margin": wp.float64,
+    "cuts": wp.int32,
+    "members": wp.int32,
+    "member": wp.int32,
+    "label": wp.int32,
+    "island": wp.int32,
+    "island_of": wp.int32,
+    "last_rate": wp.vec3d,
+    "rate_direction": wp.vec3d,
+    "last_drag": wp.vec3d,
+    "drag_direction": wp.vec3d,
     "linear_decay": wp.vec3d,
     "angular_decay": wp.vec3d,
     "mass": wp.float64,
@@ -131,13 +147,14 @@ class PlanarSimulator(RigidSimulator):
         effects.programs = buffers.doubles(own.effect_programs)
         effects.parameters = buffers.doubles(np.repeat(own.effect_parameters, w, axis=0))
         self._effect_parameters = buffers.Mirror(effects.parameters)
-        pairs = int(buffers.read(self._scene.collides).sum())
+        pairs = int(np.triu(buffers.read(self._scene.collides), 1).sum())
         corners = np.diff(buffers.read(self._scene.first))
         bodies = Bodies()
         for name, dtype in BODY_FIELDS.items():
             setattr(bodies, name, buffers.zeros((w, n), dtype))
         bodies.static_pose = buffers.zeros((w, s), wp.vec3d)
-        bodies.decay_step = buffers.zeros((w,), wp.float64)
+        bodies.first_row = buffers.zeros((w, n + 2), wp.int32)
+        bodies.first_body = buffers.zeros((w, n + 2), wp.int32)
         bodies.friction = buffers.zeros((w, n + s), wp.float64)
         bodies.restitution = buffers.zeros((w, n + s), wp.float64)
         bodies.gravity = buffers.zeros((w,), wp.vec3d)
@@ -145,11 +162,20 @@ class PlanarSimulator(RigidSimulator):
         bodies.time_origin = buffers.zeros((w,), wp.float64)
         bodies.corners = buffers.zeros((w, 2 * int(corners.max(initial=1))), wp.vec2d)
         contacts = Contacts()
-        contacts.near = buffers.zeros((w, max(pairs, 1)), wp.vec2i)
+        slots, pairs = self._slots, max(pairs, 1)
+        contacts.near = buffers.zeros((slots, pairs), wp.vec2i)
+        contacts.near_gap = buffers.zeros((slots, pairs), wp.float64)
+        contacts.meet = buffers.zeros((slots, pairs), wp.float64)
+        for name in ("row_at", "row_count"):
+            setattr(contacts, name, buffers.zeros((slots, pairs), wp.int32))
+        for name in ("kept", "kept_rows"):
+            setattr(contacts, name, buffers.zeros((slots, pairs), wp.vec2i))
         contacts.last = buffers.zeros((w,), Step)
-        contacts.near_gap = buffers.zeros((w, max(pairs, 1)), wp.float64)
         # Touching outlines form a planar graph: at most 3 (n + s) pairs of two points, twice that for overlaps.
-        contacts.rows = buffers.zeros((w, 2, min(2 * max(pairs, 1), 12 * (n + s) + 64)), Row)
+        rows = min(2 * pairs, 12 * (n + s) + 64)
+        contacts.rows = buffers.zeros((slots, 2, rows), Row)
+        contacts.active = buffers.zeros((slots, rows), wp.int32)
+        contacts.order = buffers.zeros((slots, rows), wp.int32)
         joints = self._joints
         joints.anchor = buffers.zeros((w, joints.count), wp.vec2d)
         joints.arm = buffers.zeros((w, joints.count, 2), wp.vec2d)
@@ -166,6 +192,7 @@ class PlanarSimulator(RigidSimulator):
         self._references.scene = by_reference(self._scene, Scene)
         self._references.bodies = by_reference(bodies, Bodies)
         self._references.contacts = by_reference(contacts, Contacts)
+        self._references.joints = by_reference(joints, Joints)
 
     def _write(self, arrays: RigidArrays, c: int) -> None:
         """Fill the device arrays of the first c worlds in place."""
@@ -203,6 +230,8 @@ class PlanarSimulator(RigidSimulator):
         self._effect_parameters.values[:c] = arrays.effect_parameters
         self._effect_parameters.push()
         b.decay_step[:c] = -1.0
+        b.since[:c] = 0.0
+        b.cuts[:c] = 0
         b.reaction[:c] = 0.0
         b.touching[:c] = 0
         b.control[:c] = 0.0
@@ -246,18 +275,21 @@ class PlanarSimulator(RigidSimulator):
     def _kernel(self) -> Any:
         return roll_out
 
-    def _inputs(self, first: int, _index: int, /) -> list[Any]:
+    def _inputs(self, first: int, index: int, /) -> list[Any]:
         records = [self._scene, self._bodies, self._contacts, self._joints, self._log.record, self._samples]
-        return [*records, self._references, first]
+        return [*records, self._references, first, index, self._apart]
 
     def _enlarge(self) -> bool:
         """Make room for two points of every pair that may meet, more than which there cannot be."""
-        worlds, halves, rows = self._contacts.rows.shape
-        most = 2 * self._contacts.near.shape[1]
-        if rows >= most or worlds * halves * most * wp.types.type_size_in_bytes(Row) > MOST_BYTES:
+        contacts = self._contacts
+        slots, halves, rows = contacts.rows.shape
+        most = 2 * contacts.near.shape[1]
+        if rows >= most or slots * halves * most * wp.types.type_size_in_bytes(Row) > MOST_BYTES:
             return False
-        self._contacts.rows = buffers.empty((worlds, halves, most), Row)
-        self._references.contacts = by_reference(self._contacts, Contacts)
+        contacts.rows = buffers.empty((slots, halves, most), Row)
+        contacts.active = buffers.zeros((slots, most), wp.int32)
+        contacts.order = buffers.zeros((slots, most), wp.int32)
+        self._references.contacts = by_reference(contacts, Contacts)
         return True
 
     def _states(self, batch: Batch) -> tuple[Array, Array, Array, Array]:

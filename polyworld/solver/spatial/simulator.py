@@ -16,7 +16,6 @@ from polyworld.solver.core.episodes import Log
 from polyworld.solver.core.references import by_reference
 from polyworld.solver.core.saved_state import SavedState
 from polyworld.solver.core.simulator import Batch, RigidSimulator
-from polyworld.solver.core.thread_pool import shares
 from polyworld.solver.core.time_table import Schedule
 from polyworld.solver.spatial import layout
 from polyworld.solver.spatial.buffers import (
@@ -77,9 +76,7 @@ class SpatialSimulator(RigidSimulator):
         samples.angular_velocity = zeros(shape, wp.vec3d)
         samples.outcome = self._outcome
         self._samples = samples
-        # Threads of a CPU take the worlds of a share one after the other and use one row of the state for all.
-        self._apart = int(not buffers.threads_serve())
-        self._state = allocate_state(self.world, w if self._apart else shares(w, self.threads))
+        self._state = allocate_state(self.world, self._slots)
         self._joints = allocate_joints(self.world, self._state)
         self._system = system_of(self._geometry, self._state, self._log.record)
         self._references = [by_reference(self._schedule, Schedule), by_reference(samples, layout.Samples)]
