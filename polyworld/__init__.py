@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from polyworld.probing.predicates import Predicate
     from polyworld.probing.query import QueryResult, query
     from polyworld.solver.core.saved_state import SavedState
-    from polyworld.solver.rollout import Simulator, rollout, simulator, state_at
+    from polyworld.solver.rollout import Simulator, predicted_cost, rollout, simulator, state_at
     from polyworld.solver.stepper import Control, Stepper, stepper
     from polyworld.trajectory import BatchTrajectory, Event, Rollout, Trajectory
     from polyworld.world import World
@@ -45,6 +45,7 @@ __all__ = [
     "branch",
     "compare",
     "overlaps",
+    "predicted_cost",
     "query",
     "rollout",
     "simulator",
@@ -60,7 +61,7 @@ _HOMES = {
     "polyworld.probing.predicates": ("Predicate",),
     "polyworld.probing.query": ("QueryResult", "query"),
     "polyworld.solver.core.saved_state": ("SavedState",),
-    "polyworld.solver.rollout": ("Simulator", "rollout", "simulator", "state_at"),
+    "polyworld.solver.rollout": ("Simulator", "predicted_cost", "rollout", "simulator", "state_at"),
     "polyworld.solver.stepper": ("Control", "Stepper", "stepper"),
     "polyworld.trajectory": ("BatchTrajectory", "Event", "Rollout", "Trajectory"),
     "polyworld.world": ("World",),
