@@ -31,7 +31,7 @@ def solve_contact_velocities(
     slot = step.slot
     half = step.half
     h = step.h
-    hinged = warm_start_hinges(bodies, joints, w, step.ratio, h)
+    hinged = warm_start_hinges(bodies, joints, w, slot, step.ratio, h)
     for island in range(step.islands):
         pushed = hinged
         heaviest = ZERO

@@ -15,6 +15,7 @@ wp.set_module_options({"enable_backward": False})
 
 ZERO = wp.float64(0.0)
 ONE = wp.float64(1.0)
+TWO = wp.float64(2.0)
 RENEWALS = 3  # of the near list within a step
 
 
@@ -101,8 +102,8 @@ def roll_out(
                     record_contacts(bodies, contacts, log, step, time)
                 move_bodies(scene, bodies, step, time)
                 if joints.count > 0:
-                    hold_hinges(scene, references.bodies, references.joints, step)
-                    step.slack = -ONE
+                    moved = hold_hinges(references.scene, references.bodies, references.joints, step)
+                    step.slack = step.slack - TWO * moved
                 step.begin = time
         start = end
         step.time = end

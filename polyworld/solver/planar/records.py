@@ -96,11 +96,30 @@ class Joints:
     ends: wp.int32  # 2; not a constant, for Warp would unroll loops over it and compile twice as much
     body: wp.array2d[wp.int32]  # (j, 2), -1 for the world, which is always second
     hinged: wp.array[wp.int32]  # (n,) whether a body has any
+    bodies: wp.array[wp.int32]  # the bodies that have
     anchor: wp.array2d[wp.vec2d]  # (W, j) the pivot at the start [m]
     arm: wp.array3d[wp.vec2d]  # (W, j, 2) the pivot in the body's own axes, from its centre [m]
     active: wp.array2d[wp.int32]  # (W, j) whether its bodies move yet
     moment_arm: wp.array3d[wp.vec2d]  # (W, j, 2) of the impulse being solved for [m]
     impulse: wp.array2d[wp.vec2d]  # (W, j) on the second end over the step, its opposite on the first [N s]
+    last_impulse: wp.array2d[wp.vec2d]  # (W, j) over the step before
+    order: wp.array[wp.int32]  # the pattern of the direct solver: see `elimination`
+    first_block: wp.array[wp.int32]
+    block_row: wp.array[wp.int32]
+    first_update: wp.array[wp.int32]
+    updates: wp.array2d[wp.int32]
+    couplings: wp.array2d[wp.int32]
+    # Scratch of the direct solver, first axis S.
+    diagonal: wp.array2d[wp.vec3d]  # (S, j) of the matrix, symmetric: xx, xy, yy; then inverted
+    blocks: wp.array2d[wp.mat22d]  # (S, B) below it
+    softness: wp.array2d[wp.vec2d]  # (S, j) what was added to xx and yy
+    change: wp.array2d[wp.vec2d]  # (S, j) right-hand side, then solution
+    mobility: wp.array2d[wp.vec2d]  # (S, n) change of a body's motion per unit force and moment
+    motion: wp.array2d[wp.vec3d]  # (S, n) change of its pose
+    rotation: wp.array2d[wp.float64]  # (S, n) expected over the step [rad]
+    heading: wp.array2d[wp.vec2d]  # (S, n) cosine and sine of its angle
+    mean_heading: wp.array2d[wp.vec2d]  # (S, n) see `joints.mean_heading`
+    load: wp.array2d[wp.vec2d]  # (S, n) impulses on it along their arms, and moment of those that have moved [N m s]
 
 
 @wp.struct

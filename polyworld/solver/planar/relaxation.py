@@ -8,7 +8,7 @@ keep within their limits.
 
 import warp as wp
 
-from polyworld.solver.planar.joints import project_hinge_rate, solve_hinge
+from polyworld.solver.planar.joints import factorise_at_pose, project_hinge_rates, solve_hinges
 from polyworld.solver.planar.motion import slide, stiffness
 from polyworld.solver.planar.records import Bodies, Contacts, Joints, Row, Scene
 
@@ -199,6 +199,9 @@ def relax(
     rows = contacts[0].rows[slot, half]
     order = contacts[0].order[slot]
     before = ZERO
+    opened = ZERO
+    if hinges > 0 and forces == 0:
+        factorise_at_pose(bodies, joints, w, slot)
     for sweep in range(sweeps):
         if sweep == 1 and hinges == 0:
             for k in range(first, last):
@@ -216,11 +219,18 @@ def relax(
                 )
         found = sweep_rows(n, rates, inverse_mass, inverse_inertia, rows, order, first, last)
         residual = found[0]
-        for j in range(hinges):
+        if hinges > 0:
+            opening = ZERO
             if forces == 1:
-                residual = wp.max(residual, solve_hinge(bodies, joints, w, j, h))
+                opening = solve_hinges(bodies, joints, w, slot, h)
             else:
-                residual = wp.max(residual, project_hinge_rate(bodies, joints, w, j))
+                opening = project_hinge_rates(joints, rates, w, slot)
+            # What the iteration leaves: as much less as it found less than the last did.
+            left = opening
+            if opening < opened:
+                left = opening * (opening / opened)
+            opened = opening
+            residual = wp.max(residual, left)
         if forces == 1:
             residual = wp.max(residual, hold_bodies(bodies, w, first_body, last_body, h))
         if residual <= wp.where(sweep < PATIENCE, threshold, wp.max(threshold, good)):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.model import Model
+from polyworld.solver.planar.elimination import eliminate
 from polyworld.solver.planar.records import Joints, Scene
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.representations.rigid import RigidObject
@@ -117,7 +118,10 @@ def build_joints(world: World) -> Joints:
     joints.count = len(pairs)
     joints.ends = 2
     joints.hinged = buffers.ints([any(i in pair for pair in pairs) for i in range(len(world.objects))])
+    joints.bodies = buffers.ints(sorted({i for pair in pairs for i in pair if i >= 0}))
     joints.body = buffers.ints(np.reshape(pairs, (-1, 2)))
+    for name, pattern in vars(eliminate(pairs)).items():
+        setattr(joints, name, buffers.ints(pattern))
     return joints
 
 

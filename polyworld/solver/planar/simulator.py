@@ -70,6 +70,16 @@ BODY_FIELDS = {
     "height": wp.float64,
 }
 
+HINGE_SCRATCH = {"diagonal": wp.vec3d, "softness": wp.vec2d, "change": wp.vec2d}
+HINGED_SCRATCH = {
+    "mobility": wp.vec2d,
+    "motion": wp.vec3d,
+    "rotation": wp.float64,
+    "heading": wp.vec2d,
+    "mean_heading": wp.vec2d,
+    "load": wp.vec2d,
+}
+
 
 class PlanarSimulator(RigidSimulator):
     """See `RigidSimulator`.
@@ -181,6 +191,12 @@ class PlanarSimulator(RigidSimulator):
         joints.arm = buffers.zeros((w, joints.count, 2), wp.vec2d)
         joints.moment_arm = buffers.zeros((w, joints.count, 2), wp.vec2d)
         joints.impulse = buffers.zeros((w, joints.count), wp.vec2d)
+        joints.last_impulse = buffers.zeros((w, joints.count), wp.vec2d)
+        for name, dtype in HINGE_SCRATCH.items():
+            setattr(joints, name, buffers.zeros((slots, joints.count), dtype))
+        for name, dtype in HINGED_SCRATCH.items():
+            setattr(joints, name, buffers.zeros((slots, n), dtype))
+        joints.blocks = buffers.zeros((slots, joints.block_row.shape[0]), wp.mat22d)
         joints.active = buffers.zeros((w, joints.count), wp.int32)
         samples = Samples()
         samples.pose = buffers.zeros((w, self.sample_times.shape[1], n), wp.vec3d)
@@ -255,6 +271,7 @@ class PlanarSimulator(RigidSimulator):
             arm[:, j, e, 0] = np.cos(angle) * x + np.sin(angle) * y
             arm[:, j, e, 1] = np.cos(angle) * y - np.sin(angle) * x
         self._of_joints.impulse[:c] = 0.0
+        self._of_joints.last_impulse[:c] = 0.0
 
     def control(
         self, forces: Array, torques: Array, efforts: Mapping[str, float], speeds: Mapping[str, float], /
