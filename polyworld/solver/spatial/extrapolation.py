@@ -153,7 +153,7 @@ def rotation_between(q: wp.quatd, p: wp.quatd) -> wp.vec3d:
 
 
 def pairing(advance: Any) -> Any:
-    """Return the Warp function `advance_pair` of the function `advance` for one step."""
+    """Return the Warp function `advance_far` of the function `advance` for one step."""
 
     @wp.func
     def advance_pair(
@@ -166,14 +166,6 @@ def pairing(advance: Any) -> Any:
         joints = system.joints
         state = system.state
         lock = system.geometry[0].lock
-        if joints[0].tree.count > 0:
-            done, half = follow_tree(system, w, k, previous_half, gravity, start, whole)
-            if done >= whole:
-                return half
-            if done > wp.float64(0.0):
-                h = wp.float64(0.5) * (whole - done)
-                half = advance(system, w, k, half, gravity, start + done, h)
-                return advance(system, w, k, half, gravity, start + done + h, h)
         h = wp.float64(0.5) * whole
         lag = wp.float64(0.0)
         next_lag = wp.float64(0.0)
@@ -212,7 +204,33 @@ def pairing(advance: Any) -> Any:
         take_reactions(state, joints[0].at_end, k)
         return half
 
-    return advance_pair
+    @wp.func
+    def advance_far(
+        system: System,
+        w: int,
+        k: int,
+        previous_half: int,
+        gravity: wp.vec3d,
+        start: wp.float64,
+        whole: wp.float64,
+        room: wp.float64,
+    ) -> tuple[int, wp.float64]:
+        """Two steps of half the length `whole` from time `start`, or up to `room` on a tree that touches nothing.
+
+        Returns which half of the contact arrays holds the contacts of the last, and by how much all moved on [s].
+        """
+        half = wp.int32(previous_half)
+        if system.joints[0].tree.count > 0:
+            done, half = follow_tree(system, w, k, previous_half, gravity, start, whole, room)
+            if done >= whole:
+                return half, done
+            if done > wp.float64(0.0):
+                h = wp.float64(0.5) * (whole - done)
+                half = advance(system, w, k, half, gravity, start + done, h)
+                return advance(system, w, k, half, gravity, start + done + h, h), whole
+        return advance_pair(system, w, k, half, gravity, start, whole), whole
+
+    return advance_far
 
 
 @wp.func

@@ -104,7 +104,10 @@ def load_joints(joints: wp.array[Joints], state: wp.array[State], w: int, k: int
             joints[0].before[k, i] = Moment()
     joints[0].ready[k] = 0
     joints[0].tree.known[k] = 0
+    for n in range(joints[0].tree.count):
+        joints[0].tree.links[k, n].bend = wp.float64(0.0)
     joints[0].tree.wanted[k] = wp.float64(0.0)
+    joints[0].tree.clear[k] = wp.float64(0.0)
     joints[0].paced[k] = wp.float64(0.0)
 
 

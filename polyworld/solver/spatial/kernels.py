@@ -24,13 +24,38 @@ def roll_out_kernel(jointed: bool) -> Any:
     """Return the kernel that runs worlds from start to end, for worlds with joints or without."""
     if jointed:
         return _roll_out(pairing(stepping(JOINED)), 2)
-    return _roll_out(stepping(FREE), 1)
+    return _roll_out(single(stepping(FREE)), 1)
 
 
 @cache
 def step_kernel(jointed: bool) -> Any:
     """Return the kernel that advances worlds by one step, for worlds with joints or without."""
     return _step_worlds(stepping(JOINED if jointed else FREE))
+
+
+def single(advance: Any) -> Any:
+    """Return the Warp function `advance_one` that takes one step and has the signature of `pairing`'s."""
+
+    @wp.func
+    def advance_one(
+        system: System,
+        w: int,
+        k: int,
+        previous_half: int,
+        gravity: wp.vec3d,
+        start: wp.float64,
+        h: wp.float64,
+        _room: wp.float64,
+    ) -> tuple[int, wp.float64]:
+        return advance(system, w, k, previous_half, gravity, start, h), h
+
+    return advance_one
+
+
+@wp.func
+def calls_left(left: wp.float64, each: wp.float64) -> int:
+    """Steps of about the length `each` that fill the time that is left."""
+    return wp.max(wp.int32(wp.ceil(left / each - SLACK)), wp.int32(1))
 
 
 @wp.func
@@ -54,7 +79,7 @@ def load_worlds(system: System, start: wp.array[wp.float64]) -> None:
 
 
 def _roll_out(advance: Any, together: int) -> Any:
-    """together: how many steps `advance` takes at a time."""
+    """together: how many steps `advance` takes at a time, or more where it can."""
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def roll_out(
@@ -86,10 +111,16 @@ def _roll_out(advance: Any, together: int) -> Any:
             end = schedule[0].end[own, segment] * scale
             steps = schedule[0].steps[own, segment]
             calls = (steps + together - 1) // together
-            for call in range(calls):
-                h = (end - time) / wp.float64(calls - call)
-                half = advance(system, w, k, half, gravity, time, h)
-                time += h
+            while calls > 0:
+                left = end - time
+                h = left / wp.float64(calls)
+                half, gone = advance(system, w, k, half, gravity, time, h, left)
+                time += gone
+                calls -= 1
+                if gone > h:
+                    calls = wp.int32(0)
+                    if gone < left:
+                        calls = calls_left(end - time, h)
                 diverged = first_diverged(state, k)
                 if diverged >= 0:
                     samples[0].outcome.diverged_object[w] = diverged

@@ -65,7 +65,7 @@ def stepping(joining: Joining) -> Any:
             sweep_bodies(geometry, state, k, fall, left)
             half = 1 - half
             solve_velocities(joints, state, k, geometry[0].lock)
-            find_contacts(geometry, state, k, half)
+            find_contacts(geometry, state, k, half, wp.float64(0.0))
             build_rows(state, k, half, geometry[0].lock)
             if parameters[0].contact_laws > 0:
                 set_effect_friction(parameters, state, w, k, half, threshold, left)

@@ -10,7 +10,7 @@ import warp as wp
 from polyworld.effects import Motion
 from polyworld.effects.law import wrench
 from polyworld.solver.core.effect_forces import effect_forces
-from polyworld.solver.spatial.joint_layout import BALL, HINGE, SLIDER, Joints
+from polyworld.solver.spatial.joint_layout import BALL, FIXED, HINGE, SLIDER, Joints
 from polyworld.solver.spatial.layout import Parameters, State
 from polyworld.solver.spatial.motion import rotated
 from polyworld.solver.spatial.prediction import turning_of
@@ -60,6 +60,7 @@ def begin_links(joints: wp.array[Joints], state: wp.array[State], k: int) -> Non
         omega = state[0].bodies[k, d.body].w
         link = Link()
         link.start_x = x
+        link.bend = joints[0].tree.links[k, n].bend
         link.origin = x
         link.relative_q = q
         speed = wp.vec3d()
@@ -115,84 +116,97 @@ def update_links(joints: wp.array[Joints], k: int, slope: int) -> None:
 
     Also the rates of the positions, kept from `slope` on.
     """
+    kinds = joints[0].tree.kinds
+    links = joints[0].tree.links
+    coordinates = joints[0].tree.coordinates
+    slopes = joints[0].tree.slopes
+    half = wp.float64(0.5)
     for n in range(joints[0].tree.count):
-        d = joints[0].tree.kinds[n]
+        kind = kinds[n].kind
+        parent = kinds[n].parent
+        first = kinds[n].first
         xp = wp.vec3d()
         qp = wp.quat_identity(dtype=wp.float64)
         rp = wp.identity(n=3, dtype=wp.float64)
-        motion = wp.spatial_vectord()
-        if d.parent >= 0:
-            xp = joints[0].tree.links[k, d.parent].x
-            qp = joints[0].tree.links[k, d.parent].q
-            rp = joints[0].tree.links[k, d.parent].rotation
-            motion = joints[0].tree.links[k, d.parent].motion
-        vp = linear(motion)
-        omega = angular(motion)
-        origin = joints[0].tree.links[k, n].origin
-        position = wp.vec3d()
-        speed = wp.vec3d()
-        for m in range(wp.min(d.freedoms, 3)):
-            position[m] = joints[0].tree.coordinates[k, d.first + m].position
-            speed[m] = joints[0].tree.coordinates[k, d.first + m].speed
-        along = rp * joints[0].tree.links[k, n].axis
-        x = joints[0].tree.links[k, n].start_x
-        q = wp.normalize(qp * joints[0].tree.links[k, n].relative_q)
-        joint_point = xp + rp * joints[0].tree.links[k, n].other_arm
-        if d.kind == HINGE:
-            q = rotated(q, along * position[0])
-        elif d.kind == BALL:
-            q = rotated(q, rp * position)
-        elif d.kind == FREE:
-            q = rotated(q, position)
-        rotation = wp.quat_to_matrix(q)
-        if d.kind == FREE:
-            for m in range(3):
-                x[m] = x[m] + joints[0].tree.coordinates[k, d.first + 3 + m].position
-        else:
-            x = joint_point - rotation * joints[0].tree.links[k, n].arm
-            if d.kind == SLIDER:
-                x += along * (joints[0].tree.links[k, n].travel + position[0])
+        vp = wp.vec3d()
+        omega = wp.vec3d()
+        if parent >= 0:
+            xp = links[k, parent].x
+            qp = links[k, parent].q
+            rp = links[k, parent].rotation
+            vp = linear(links[k, parent].motion)
+            omega = angular(links[k, parent].motion)
+        v = vp
+        w = omega
+        origin = links[k, n].origin
+        joint_point = xp + rp * links[k, n].other_arm
+        p = joint_point - origin
+        relative = links[k, n].relative_q
+        q = qp * relative
+        x = joint_point
         bias = wp.spatial_vectord()
-        rate = speed
-        if d.kind == HINGE:
-            p = joint_point - origin
-            set_axis(joints, k, d.first, wp.cross(p, along), along)
+        if kind == HINGE:
+            position = coordinates[k, first].position
+            speed = coordinates[k, first].speed
+            axis = links[k, n].axis
+            along = rp * axis
+            turn = axis * wp.sin(half * position)
+            q = qp * (wp.quatd(turn[0], turn[1], turn[2], wp.cos(half * position)) * relative)
+            moving = wp.cross(p, along)
+            coordinates[k, first].along = wrench(moving, along)
             turning = wp.cross(omega, along)
             going = vp + wp.cross(omega, p)
-            bias = wrench(wp.cross(going, along) + wp.cross(p, turning), turning) * speed[0]
-        elif d.kind == SLIDER:
-            set_axis(joints, k, d.first, along, wp.vec3d())
-            bias = wrench(wp.cross(omega, along), wp.vec3d()) * speed[0]
-        elif d.kind == BALL:
-            p = joint_point - origin
+            bias = wrench(wp.cross(going, along) + wp.cross(p, turning), turning) * speed
+            slopes[k, slope + first] = speed
+            v += moving * speed
+            w += along * speed
+        elif kind == SLIDER:
+            speed = coordinates[k, first].speed
+            along = rp * links[k, n].axis
+            x += along * (links[k, n].travel + coordinates[k, first].position)
+            coordinates[k, first].along = wrench(along, wp.vec3d())
+            bias = wrench(wp.cross(omega, along), wp.vec3d()) * speed
+            slopes[k, slope + first] = speed
+            v += along * speed
+        elif kind != FIXED:
+            positions = wp.vec3d()
+            speeds = wp.vec3d()
             for m in range(3):
-                set_axis(joints, k, d.first + m, wp.cross(p, unit_vector(m)), unit_vector(m))
-            bias = wrench(wp.cross(vp + wp.cross(omega, p), speed), wp.vec3d())
-            rate = rotation_rate(position, wp.transpose(rp) * speed)
-        elif d.kind == FREE:
-            v = wp.vec3d()
+                positions[m] = coordinates[k, first + m].position
+                speeds[m] = coordinates[k, first + m].speed
+            if kind == BALL:
+                q = rotated(q, rp * positions)
+                for m in range(3):
+                    coordinates[k, first + m].along = wrench(wp.cross(p, unit_vector(m)), unit_vector(m))
+                bias = wrench(wp.cross(vp + wp.cross(omega, p), speeds), wp.vec3d())
+                rate = rotation_rate(positions, wp.transpose(rp) * speeds)
+                v += wp.cross(p, speeds)
+            else:
+                q = rotated(q, positions)
+                going = wp.vec3d()
+                x = links[k, n].start_x
+                for m in range(3):
+                    x[m] = x[m] + coordinates[k, first + 3 + m].position
+                    going[m] = coordinates[k, first + 3 + m].speed
+                    slopes[k, slope + first + 3 + m] = going[m]
+                for m in range(3):
+                    coordinates[k, first + m].along = wrench(wp.cross(x - origin, unit_vector(m)), unit_vector(m))
+                    coordinates[k, first + 3 + m].along = wrench(unit_vector(m), wp.vec3d())
+                bias = wrench(wp.cross(going, speeds), wp.vec3d())
+                rate = rotation_rate(positions, speeds)
+                v = going + wp.cross(x - origin, speeds)
             for m in range(3):
-                set_axis(joints, k, d.first + m, wp.cross(x - origin, unit_vector(m)), unit_vector(m))
-                set_axis(joints, k, d.first + 3 + m, unit_vector(m), wp.vec3d())
-                v[m] = joints[0].tree.coordinates[k, d.first + 3 + m].speed
-                joints[0].tree.slopes[k, slope + d.first + 3 + m] = v[m]
-            bias = wrench(wp.cross(v, speed), wp.vec3d())
-            rate = rotation_rate(position, speed)
-        for m in range(wp.min(d.freedoms, 3)):
-            joints[0].tree.slopes[k, slope + d.first + m] = rate[m]
-        for m in range(d.freedoms):
-            coordinate = d.first + m
-            motion += joints[0].tree.coordinates[k, coordinate].along * joints[0].tree.coordinates[k, coordinate].speed
-        joints[0].tree.links[k, n].x = x
-        joints[0].tree.links[k, n].q = q
-        joints[0].tree.links[k, n].rotation = rotation
-        joints[0].tree.links[k, n].motion = motion
-        joints[0].tree.links[k, n].bias = bias
-
-
-@wp.func
-def set_axis(joints: wp.array[Joints], k: int, coordinate: int, moving: wp.vec3d, turning: wp.vec3d) -> None:
-    joints[0].tree.coordinates[k, coordinate].along = wrench(moving, turning)
+                slopes[k, slope + first + m] = rate[m]
+            w += speeds
+        q = wp.normalize(q)
+        rotation = wp.quat_to_matrix(q)
+        if kind != FREE:
+            x -= rotation * links[k, n].arm
+        links[k, n].x = x
+        links[k, n].q = q
+        links[k, n].rotation = rotation
+        links[k, n].motion = wrench(v, w)
+        links[k, n].bias = bias
 
 
 @wp.func(inline=False)
@@ -207,22 +221,28 @@ def load_links(
 ) -> None:
     """Inertia of each link by itself, and the force it takes to keep it from accelerating."""
     origin_of_time = parameters[0].time_origin[w % parameters[0].time_origin.shape[0]]
+    kinds = joints[0].tree.kinds
+    links = joints[0].tree.links
+    inertias = joints[0].tree.inertia
+    bodies = state[0].bodies
+    one = wp.float64(1.0)
     for n in range(joints[0].tree.count):
-        i = joints[0].tree.kinds[n].body
-        rotation = joints[0].tree.links[k, n].rotation
-        motion = joints[0].tree.links[k, n].motion
-        omega = angular(motion)
-        rel = joints[0].tree.links[k, n].x - joints[0].tree.links[k, n].origin
-        v = linear(motion) + wp.cross(omega, rel)
-        mass = state[0].bodies[k, i].mass
-        own = rotation * (state[0].bodies[k, i].inertia * wp.transpose(rotation)) * mass
-        force = gravity * mass - v * (mass * state[0].bodies[k, i].linear_damping) + state[0].bodies[k, i].push
-        torque = state[0].bodies[k, i].push_torque
+        i = kinds[n].body
+        rotation = links[k, n].rotation
+        x = links[k, n].x
+        start_v = linear(links[k, n].motion)
+        omega = angular(links[k, n].motion)
+        rel = x - links[k, n].origin
+        v = start_v + wp.cross(omega, rel)
+        mass = bodies[k, i].mass
+        own = rotation * (bodies[k, i].inertia * wp.transpose(rotation)) * mass
+        force = gravity * mass - v * (mass * bodies[k, i].linear_damping) + bodies[k, i].push
+        torque = bodies[k, i].push_torque
         if parameters[0].forces > 0:
             b = Motion()
             b.mass = mass
-            b.radius = state[0].bodies[k, i].radius
-            b.x = joints[0].tree.links[k, n].x
+            b.radius = bodies[k, i].radius
+            b.x = x
             b.v = v
             b.omega = omega
             b.t = origin_of_time + time
@@ -231,21 +251,17 @@ def load_links(
             force += linear(laws)
             torque += angular(laws)
             note_free(joints, state, k, n, force, torque, omega)
-        torque -= own * omega * state[0].bodies[k, i].angular_damping
-        spin = own * omega + wp.cross(rel, v * mass)
-        push = wp.cross(omega, v * mass) - force
-        twist = wp.cross(omega, spin) + wp.cross(linear(motion), v * mass) - torque - wp.cross(rel, force)
-        joints[0].tree.links[k, n].force = wrench(push, twist)
-        first_moment = wp.skew(rel) * mass
-        about = own - wp.skew(rel) * first_moment
-        inertia = wp.spatial_matrixd()
-        for r in range(3):
-            inertia[r, r] = mass
-            for c in range(3):
-                inertia[r, c + 3] = -first_moment[r, c]
-                inertia[r + 3, c] = first_moment[r, c]
-                inertia[r + 3, c + 3] = about[r, c]
-        joints[0].tree.inertia[k, n] = inertia
+        about = own * omega
+        torque -= about * bodies[k, i].angular_damping
+        momentum = v * mass
+        push = wp.cross(omega, momentum) - force
+        twist = wp.cross(omega, about + wp.cross(rel, momentum)) + wp.cross(start_v, momentum) - torque
+        links[k, n].force = wrench(push, twist - wp.cross(rel, force))
+        first_moment = rel * mass
+        inertias[k, n].mass = wp.diag(wp.vec3d(one, one, one) * mass)
+        inertias[k, n].moment = wp.skew(-first_moment)
+        square = wp.dot(rel, first_moment)
+        inertias[k, n].about = own + wp.diag(wp.vec3d(square, square, square)) - wp.outer(rel, first_moment)
 
 
 @wp.func
@@ -305,39 +321,56 @@ def accelerate(joints: wp.array[Joints], k: int, stage: int, time: wp.float64) -
     time: at which motors are on or off.
     """
     count = joints[0].tree.count
+    kinds = joints[0].tree.kinds
+    links = joints[0].tree.links
+    coordinates = joints[0].tree.coordinates
+    inertias = joints[0].tree.inertia
+    rates = joints[0].tree.rates
     for back in range(count):
         n = count - 1 - back
-        d = joints[0].tree.kinds[n]
-        inertia = joints[0].tree.inertia[k, n]
-        force = joints[0].tree.links[k, n].force
-        for m in range(d.freedoms):
-            coordinate = d.first + m
-            along = joints[0].tree.coordinates[k, coordinate].along
-            felt = inertia * along
-            weight = wp.dot(along, felt)
-            push = push_along(joints, k, n, m, time) - wp.dot(along, force)
-            joints[0].tree.coordinates[k, coordinate].inertial = felt
-            joints[0].tree.coordinates[k, coordinate].weight = weight
-            joints[0].tree.coordinates[k, coordinate].push = push
-            inertia = inertia - wp.outer(felt, felt * (wp.float64(1.0) / weight))
-            force = force + felt * (push / weight)
-        if d.parent >= 0:
-            joints[0].tree.inertia[k, d.parent] = joints[0].tree.inertia[k, d.parent] + inertia
-            joints[0].tree.links[k, d.parent].force = (
-                joints[0].tree.links[k, d.parent].force + force + inertia * joints[0].tree.links[k, n].bias
-            )
+        parent = kinds[n].parent
+        mass = inertias[k, n].mass
+        moment = inertias[k, n].moment
+        about = inertias[k, n].about
+        force = linear(links[k, n].force)
+        torque = angular(links[k, n].force)
+        for m in range(kinds[n].freedoms):
+            coordinate = kinds[n].first + m
+            moving = linear(coordinates[k, coordinate].along)
+            turning = angular(coordinates[k, coordinate].along)
+            pushed = mass * moving + moment * turning
+            twisted = moving * moment + about * turning
+            light = wp.float64(1.0) / (wp.dot(moving, pushed) + wp.dot(turning, twisted))
+            push = push_along(joints, k, n, m, time) - wp.dot(moving, force) - wp.dot(turning, torque)
+            coordinates[k, coordinate].inertial = wrench(pushed, twisted)
+            coordinates[k, coordinate].light = light
+            coordinates[k, coordinate].push = push
+            force += pushed * (push * light)
+            torque += twisted * (push * light)
+            if parent >= 0 or m + 1 < kinds[n].freedoms:
+                mass -= wp.outer(pushed, pushed * light)
+                moment -= wp.outer(pushed, twisted * light)
+                about -= wp.outer(twisted, twisted * light)
+        if parent >= 0:
+            inertias[k, parent].mass += mass
+            inertias[k, parent].moment += moment
+            inertias[k, parent].about += about
+            going = linear(links[k, n].bias)
+            turning = angular(links[k, n].bias)
+            force += linear(links[k, parent].force) + mass * going + moment * turning
+            torque += angular(links[k, parent].force) + going * moment + about * turning
+            links[k, parent].force = wrench(force, torque)
     at = stage * joints[0].tree.freedoms
     for n in range(count):
-        d = joints[0].tree.kinds[n]
-        a = joints[0].tree.links[k, n].bias
-        if d.parent >= 0:
-            a = a + joints[0].tree.links[k, d.parent].acceleration
-        for back in range(d.freedoms):
-            coordinate = d.first + d.freedoms - 1 - back
-            rest = joints[0].tree.coordinates[k, coordinate].push - wp.dot(
-                joints[0].tree.coordinates[k, coordinate].inertial, a
-            )
-            rate = rest / joints[0].tree.coordinates[k, coordinate].weight
-            joints[0].tree.rates[k, at + coordinate] = rate
-            a = a + joints[0].tree.coordinates[k, coordinate].along * rate
-        joints[0].tree.links[k, n].acceleration = a
+        parent = kinds[n].parent
+        a = links[k, n].bias
+        if parent >= 0:
+            a = a + links[k, parent].acceleration
+        freedoms = kinds[n].freedoms
+        for back in range(freedoms):
+            coordinate = kinds[n].first + freedoms - 1 - back
+            rest = coordinates[k, coordinate].push - wp.dot(coordinates[k, coordinate].inertial, a)
+            rate = rest * coordinates[k, coordinate].light
+            rates[k, at + coordinate] = rate
+            a = a + coordinates[k, coordinate].along * rate
+        links[k, n].acceleration = a

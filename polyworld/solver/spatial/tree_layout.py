@@ -33,7 +33,7 @@ class Link:
 
     origin: of its tree, fixed over the step [m]. arm: the joint's point in the body's axes, other_arm in the parent's
     (of the world: in space), axis in the parent's. relative_q: orientation at the start, seen from the parent. travel:
-    of a slider at the start [m].
+    of a slider at the start [m]. bend: acceleration that took it off a straight path in the last step [m/s^2].
     """
 
     origin: wp.vec3d
@@ -43,6 +43,7 @@ class Link:
     axis: wp.vec3d
     relative_q: wp.quatd
     travel: wp.float64
+    bend: wp.float64
     x: wp.vec3d
     q: wp.quatd
     rotation: wp.mat33d
@@ -55,18 +56,30 @@ class Link:
 
 
 @wp.struct
+class Inertia:
+    """Inertia about the tree's origin of a link and all that hangs on it, which yields on its joints.
+
+    Its force is mass a + moment alpha, its torque moment^T a + about alpha.
+    """
+
+    mass: wp.mat33d
+    moment: wp.mat33d
+    about: wp.mat33d
+
+
+@wp.struct
 class Freedom:
     """One degree of freedom of a link on its joint.
 
     along: motion for a unit of speed. inertial: force for a unit of acceleration along it, what hangs on it yielding;
-    weight: its part along the freedom. push: along it, less what it takes to hold the rest.
+    light: one over its part along the freedom. push: along it, less what it takes to hold the rest.
     position: since the step began [rad or m]; speed; start_speed: when the step began. direction: 1 or -1 of its slip
     with dry friction; 0 where there is none.
     """
 
     along: wp.spatial_vectord
     inertial: wp.spatial_vectord
-    weight: wp.float64
+    light: wp.float64
     push: wp.float64
     position: wp.float64
     speed: wp.float64
@@ -78,17 +91,19 @@ class Freedom:
 class Tree:
     """All links of K worlds. count: 0 where the joints make no tree. slopes, rates: derivatives of positions and speeds
     at the stages of a step, those of stage s from s * freedoms on. known: 1 where the speeds' at the first are known.
-    wanted: length of the next step by the error of the last [s], 0 where there is none.
+    wanted: length of the next step by the error of the last [s], 0 where there is none. clear: time in which nothing
+    would come near when that was last looked for [s].
     """
 
     count: int
     freedoms: int
     kinds: wp.array[LinkKind]
     links: wp.array2d[Link]
-    inertia: wp.array2d[wp.spatial_matrixd]
+    inertia: wp.array2d[Inertia]
     coordinates: wp.array2d[Freedom]
     slopes: wp.array2d[wp.float64]
     rates: wp.array2d[wp.float64]
     known: wp.array[wp.int32]
     wanted: wp.array[wp.float64]
-    method: wp.array2d[wp.float64]  # (9, 7): coefficients of the stages, their instants, weights of the error
+    clear: wp.array[wp.float64]
+    method: wp.array2d[wp.float64]  # (16, 13): see `tree_scene`

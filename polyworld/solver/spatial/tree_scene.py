@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
+from scipy.integrate import DOP853
 
 from polyworld.core import buffers
 from polyworld.solver.spatial import joint_layout, tree_layout
@@ -20,19 +21,7 @@ _FREEDOMS = {
     tree_layout.FREE: 6,
 }
 
-# Dormand & Prince 1980, J. Comput. Appl. Math. 6, 19: coefficients of seven stages, the last weights of fifth order;
-# the stages' instants; and the differences from the weights of fourth order.
-_STAGES = (
-    (),
-    (1 / 5,),
-    (3 / 40, 9 / 40),
-    (44 / 45, -56 / 15, 32 / 9),
-    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
-    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
-    (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
-)
-_NODES = (0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0)
-_ERROR = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
+STAGES = DOP853.n_stages + 1
 
 
 def build_tree(kinds: Any, bodies: int, rows: int) -> tree_layout.Tree:
@@ -47,22 +36,27 @@ def build_tree(kinds: Any, bodies: int, rows: int) -> tree_layout.Tree:
     tree.kinds = buffers.array(_records(links), tree_layout.LinkKind)
     room = rows if links else 1
     tree.links = _zeros((room, len(links)), tree_layout.Link)
-    tree.inertia = _zeros((room, len(links)), wp.spatial_matrixd)
+    tree.inertia = _zeros((room, len(links)), tree_layout.Inertia)
     tree.coordinates = _zeros((room, freedoms), tree_layout.Freedom)
-    tree.slopes = _zeros((room, len(_STAGES) * freedoms), wp.float64)
-    tree.rates = _zeros((room, len(_STAGES) * freedoms), wp.float64)
+    tree.slopes = _zeros((room, STAGES * freedoms), wp.float64)
+    tree.rates = _zeros((room, STAGES * freedoms), wp.float64)
     tree.known = _zeros((rows,), wp.int32)
-    tree.wanted = _zeros((rows,), wp.float64)
+    tree.wanted, tree.clear = _zeros((rows,), wp.float64), _zeros((rows,), wp.float64)
     tree.method = buffers.array(_method(), wp.float64)
     return tree
 
 
 def _method() -> NDArray[np.float64]:
-    """Rows: the stages' coefficients, their instants as parts of the step, the error's weights."""
-    table = np.zeros((len(_STAGES) + 2, len(_STAGES)))
-    for row, stage in zip(table, _STAGES, strict=False):
-        row[: len(stage)] = stage
-    table[-2], table[-1] = _NODES, _ERROR
+    """Coefficients of the stages, their instants as parts of the step, weights of the errors of fifth and third order.
+
+    The last stage is at the end of the step: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 2nd
+    ed., sec. II.5 and II.10.
+    """
+    table = np.zeros((STAGES + 3, STAGES))
+    table[: STAGES - 1, : STAGES - 1] = DOP853.A
+    table[STAGES - 1, : STAGES - 1] = DOP853.B
+    table[STAGES] = [*DOP853.C, 1.0]
+    table[STAGES + 1], table[STAGES + 2] = DOP853.E5, DOP853.E3
     return table
 
 

@@ -1,9 +1,9 @@
 """A step of bodies that hang on joints as a tree, and touch nothing, in the joints' own freedoms.
 
-Runge-Kutta of fifth order with an error of fourth (Dormand & Prince 1980, J. Comput. Appl. Math. 6, 19): the joints
-hold to rounding, whatever the step. A step whose error is too large is cut, and so is one in which an axis that slips
-comes to rest, or a motor is switched. Where an axis sticks, is stopped or driven towards a speed, the bodies are left
-to `joint_step`.
+Runge-Kutta of eighth order with errors of fifth and third (Hairer, Norsett & Wanner, Solving Ordinary Differential
+Equations I, 2nd ed., sec. II.10): the joints hold to rounding, whatever the step. A step whose error is too large is
+cut, and so is one in which an axis that slips comes to rest, or a motor is switched. Where an axis sticks, is stopped
+or driven towards a speed, the bodies are left to `joint_step`.
 """
 
 import warp as wp
@@ -21,15 +21,18 @@ from polyworld.solver.spatial.tree_dynamics import (
 )
 from polyworld.solver.spatial.tree_layout import FREE
 
-STAGES = 7
-NODES = 7  # rows of the method
-ERROR = 8
-EXACT = wp.float64(1.0e-7)  # error of a step's speeds, as a share of them, and of its positions
+STAGES = 13
+NODES = 13  # rows of the method
+FIFTH = 14
+THIRD = 15
+EXACT = wp.float64(1.0e-5)  # most that a step's error may be, as a share of the largest speed
+PRECISION = wp.float64(2.5e-3)  # the same per length of two of the user's steps, so that shorter ones err less [1/s]
+ORDER = wp.float64(1.0 / 8.0)
 REST = wp.float64(1.0e-9)  # speeds below this [m/s or rad/s] have no error to speak of
 CAUTION = wp.float64(0.9)  # share of the step whose error would just be small enough
 LONGER = wp.float64(5.0)  # times the last step, that the next may be
-SMALLEST = wp.float64(1.0 / 64.0)  # part of a step
 RESTING = wp.float64(1.0e-9)  # speed of an axis at rest [m/s or rad/s]
+SMALLEST = wp.float64(1.0 / 64.0)  # part of two of the user's steps, in which motion is not smooth
 NOTHING = wp.float64(1.0e-9)  # part of a step in which nothing moves
 SLIPPING = wp.float64(0.5)  # cosine of the rotation of a ball's slip in a step
 
@@ -42,59 +45,55 @@ def move_tree(
     w: int,
     k: int,
     gravity: wp.vec3d,
-    start: wp.float64,
+    time: wp.float64,
+    longest: wp.float64,
     whole: wp.float64,
 ) -> wp.float64:
-    """Move the bodies on by `whole` from time `start`, or by as much as goes. Returns by how much [s]."""
-    done = wp.float64(0.0)
-    part = whole
+    """Move the bodies on by one step of at most `longest`. Returns its length [s], 0 where the joints stop that.
+
+    whole: length of two of the user's steps, by which it is exact.
+    """
+    zero = wp.float64(0.0)
     for j in range(joints[0].count):
         if joints[0].kinds[j].driven == 2:
-            return done
-    while done < whole:
-        left = whole - done
-        wanted = joints[0].tree.wanted[k]
-        part = wp.min(part, left)
-        if wanted > wp.float64(0.0) and CAUTION * part > wanted:  # its error would be too large
-            part = wp.min(part, wanted)
-            if left < wp.float64(2.0) * wanted:  # two equal steps rather than a short last one
-                part = wp.float64(0.5) * left
-        time = start + done
-        begin_links(joints, state, k)
+            return zero
+    begin_links(joints, state, k)
+    wanted = joints[0].tree.wanted[k]
+    part = longest
+    tolerance = wp.min(PRECISION * whole, EXACT)
+    while part >= SMALLEST * whole:
         part = until_switched(joints, k, time, part)
         if not find_slip_directions(parameters, joints, state, w, k, gravity, time):
-            return done
-        error = try_step(parameters, joints, state, w, k, gravity, time, part)
+            return zero
+        error = try_step(parameters, joints, state, w, k, gravity, time, part) / tolerance
         if not (error <= wp.float64(1.0)):  # also where it is no number
             share = wp.float64(0.1)
             if error > wp.float64(1.0):
-                share = wp.clamp(CAUTION * wp.pow(error, wp.float64(-0.2)), share, wp.float64(0.8))
+                share = wp.clamp(CAUTION * wp.pow(error, -ORDER), share, wp.float64(0.8))
             part = part * share
-            joints[0].tree.wanted[k] = part
-            if part < SMALLEST * whole:
-                joints[0].tree.wanted[k] = wp.float64(0.0)
-                return done
+            wanted = part
             continue
         until = slipping(joints, k)
         if until < wp.float64(1.0):
             part = part * until
-            if part < NOTHING * whole:
-                return done
+            if part < NOTHING * longest:
+                return zero
+            continue
+        if not within_reach(joints, state, k, part):
+            part = wp.float64(0.5) * part
             continue
         if not kept_on(joints, k):
-            return done
+            return zero
         take_step(parameters, joints, state, k)
-        done += part
         following = LONGER * part
         if error > wp.float64(1.0e-8):
-            following = wp.min(following, part * CAUTION * wp.pow(error, wp.float64(-0.2)))
+            following = wp.min(following, part * CAUTION * wp.pow(error, -ORDER))
         if part < wanted:  # cut for another reason than its error
             following = wp.max(following, wanted)
         joints[0].tree.wanted[k] = following
-        part = whole - done
-        if part < wp.float64(1.0e-12) * whole:
-            done = whole
-    return done
+        return part
+    joints[0].tree.wanted[k] = zero
+    return zero
 
 
 @wp.func(inline=False)
@@ -180,22 +179,26 @@ def try_step(
     time: wp.float64,
     h: wp.float64,
 ) -> wp.float64:
-    """Links where they would be after a step. Returns its error, as a share of what it may be."""
+    """Links where they would be after a step. Returns its error, as a share of the largest speed."""
     freedoms = joints[0].tree.freedoms
+    coordinates = joints[0].tree.coordinates
+    method = joints[0].tree.method
+    slopes = joints[0].tree.slopes
+    rates = joints[0].tree.rates
     middle = time + wp.float64(0.5) * h
     for stage in range(STAGES):
         for f in range(freedoms):
             position = wp.float64(0.0)
             gain = wp.float64(0.0)
             for s in range(stage):
-                share = joints[0].tree.method[stage, s]
-                position += share * joints[0].tree.slopes[k, s * freedoms + f]
-                gain += share * joints[0].tree.rates[k, s * freedoms + f]
-            joints[0].tree.coordinates[k, f].position = position * h
-            joints[0].tree.coordinates[k, f].speed = joints[0].tree.coordinates[k, f].start_speed + gain * h
+                share = method[stage, s]
+                position += share * slopes[k, s * freedoms + f]
+                gain += share * rates[k, s * freedoms + f]
+            coordinates[k, f].position = position * h
+            coordinates[k, f].speed = coordinates[k, f].start_speed + gain * h
         update_links(joints, k, stage * freedoms)
         if stage > 0 or joints[0].tree.known[k] == 0:
-            instant = time + joints[0].tree.method[NODES, stage] * h
+            instant = time + method[NODES, stage] * h
             load_links(parameters, joints, state, w, k, gravity, instant)
             accelerate(joints, k, stage, middle)
     joints[0].tree.known[k] = 1
@@ -213,32 +216,41 @@ def slides(joints: wp.array[Joints], n: int, m: int) -> int:
 
 @wp.func
 def error_of(joints: wp.array[Joints], k: int, h: wp.float64) -> wp.float64:
-    """Return the error of all speeds and positions over its tolerance, each relative to its scale."""
+    """Return the root mean square error of all speeds and positions, each relative to its scale."""
     freedoms = joints[0].tree.freedoms
+    coordinates = joints[0].tree.coordinates
+    method = joints[0].tree.method
+    slopes = joints[0].tree.slopes
+    rates = joints[0].tree.rates
     scale = wp.vec2d(REST, REST)
-    speeds = wp.vec2d()
-    positions = wp.vec2d()
+    fifths = wp.vec2d()
+    thirds = wp.vec2d()
     for n in range(joints[0].tree.count):
         d = joints[0].tree.kinds[n]
         for m in range(d.freedoms):
             f = d.first + m
             of = slides(joints, n, m)
-            speed = wp.float64(0.0)
-            position = wp.float64(0.0)
-            most = wp.abs(joints[0].tree.coordinates[k, f].start_speed) + wp.abs(joints[0].tree.coordinates[k, f].speed)
+            fifth = wp.vec2d()
+            third = wp.vec2d()
+            most = wp.abs(coordinates[k, f].start_speed) + wp.abs(coordinates[k, f].speed)
             for s in range(STAGES):
-                share = joints[0].tree.method[ERROR, s] * h
-                speed += share * joints[0].tree.rates[k, s * freedoms + f]
-                position += share * joints[0].tree.slopes[k, s * freedoms + f]
-                most = wp.max(most, h * wp.abs(joints[0].tree.rates[k, s * freedoms + f]))
+                changes = wp.vec2d(h * rates[k, s * freedoms + f], slopes[k, s * freedoms + f])
+                fifth += changes * method[FIFTH, s]
+                third += changes * method[THIRD, s]
+                most = wp.max(most, wp.abs(changes[0]))
             # Added, not compared, so that what is no number shows.
-            speeds[of] = speeds[of] + wp.abs(speed)
-            positions[of] = positions[of] + wp.abs(position)
+            fifths[of] = fifths[of] + wp.dot(fifth, fifth)
+            thirds[of] = thirds[of] + wp.dot(third, third)
             scale[of] = wp.max(scale[of], most)
-    worst = wp.float64(0.0)
+    fifth_square = wp.float64(0.0)
+    third_square = wp.float64(0.0)
     for of in range(2):
-        worst += (speeds[of] + positions[of] / h) / (EXACT * scale[of])
-    return worst
+        each = wp.float64(1.0) / (scale[of] * scale[of] * wp.float64(freedoms))
+        fifth_square += fifths[of] * each
+        third_square += thirds[of] * each
+    if fifth_square == wp.float64(0.0):
+        return wp.float64(0.0)
+    return fifth_square / wp.sqrt(fifth_square + wp.float64(0.01) * third_square)
 
 
 @wp.func
@@ -269,6 +281,20 @@ def kept_on(joints: wp.array[Joints], k: int) -> bool:
             if joint.upper < wp.float64(0.5 * NEVER) and wp.max(position, joint.position) >= joint.upper:
                 return False
     return True
+
+
+@wp.func
+def within_reach(joints: wp.array[Joints], state: wp.array[State], k: int, h: wp.float64) -> bool:
+    """Check whether all links stay where contacts were looked for, as far as they leave a straight path."""
+    within = wp.int32(1)
+    for n in range(joints[0].tree.count):
+        i = joints[0].tree.kinds[n].body
+        x = state[0].bodies[k, i].x + state[0].bodies[k, i].v * h
+        off = wp.length(joints[0].tree.links[k, n].x - x)
+        joints[0].tree.links[k, n].bend = wp.float64(2.0) * off / (h * h)
+        if off > state[0].bodies[k, i].swept:
+            within = 0
+    return within == 1
 
 
 @wp.func
