@@ -1,7 +1,7 @@
 """The records the fluid kernels work on. SI units, world axes; per metre of thickness in a plane.
 
-Kernels run one thread a world and loop over particles or cells inside: a launch is serial on a CPU, worlds take
-different numbers of sub-steps, and sums are then in a fixed order.
+Kernels run over (world, lane) and loop over the lane's share of particles or cells (`fluid.lanes`): worlds take
+different numbers of sub-steps. On a CPU a world has one lane, so that sums are in a fixed order.
 """
 
 import warp as wp
@@ -20,6 +20,7 @@ class Grid:
     origin: lower corner of cell (0, 0, 0). cell: its edge; volume, area: of a cell and of a face between cells, a
     metre thick in a plane. lower, upper: first cell of the box and the one after its last. thin: axis across the
     plane, -1 in space; it has one cell and stride 0. closed: whether the box has walls. wide: 1 along axes that flow.
+    lanes: threads of a world. across: lanes that share a row of cells; abreast: rows taken at a time, their ratio.
     """
 
     origin: wp.vec3d
@@ -36,6 +37,9 @@ class Grid:
     thin: int
     closed: int
     cells: int
+    lanes: int
+    across: int
+    abreast: int
 
 
 @wp.struct
@@ -175,6 +179,7 @@ class Wetted:
 class Pace:
     """Sub-steps: left (W,) of the coupling step, dt (W,) of this sub-step, 0 where a world is done; go (1,).
 
+    present (W,): 1 where there are particles. lost (W,): first particle that is not a number or too fast now.
     given (W,): momentum that bodies and nodes have taken from the liquid in this sub-step. touching (W,): 1 where
     liquid is near a static or a side of the box, which then take momentum too. diverged (W,): first particle that is
     not a number or too fast, -1 for none. halted (1,): not 0 where the run was asked to end in the middle of a step.
@@ -186,6 +191,8 @@ class Pace:
     go: wp.array[wp.int32]
     steps: wp.array[wp.int32]
     fastest: wp.array[wp.float64]
+    present: wp.array[wp.int32]
+    lost: wp.array[wp.int32]
     given: wp.array[wp.vec3d]
     touching: wp.array[wp.int32]
     diverged: wp.array[wp.int32]

@@ -99,16 +99,16 @@ def scatter(grid: Grid, row: wp.array[wp.float64], s: Stencil, value: wp.float64
     fz = s.f[2]
     b = s.base
     low = (ONE - s.f[0]) * value
-    row[b] = row[b] + (ONE - fy) * (ONE - fz) * low
-    row[b + k] = row[b + k] + (ONE - fy) * fz * low
-    row[b + j] = row[b + j] + fy * (ONE - fz) * low
-    row[b + j + k] = row[b + j + k] + fy * fz * low
+    wp.atomic_add(row, b, (ONE - fy) * (ONE - fz) * low)
+    wp.atomic_add(row, b + k, (ONE - fy) * fz * low)
+    wp.atomic_add(row, b + j, fy * (ONE - fz) * low)
+    wp.atomic_add(row, b + j + k, fy * fz * low)
     high = s.f[0] * value
     b += i
-    row[b] = row[b] + (ONE - fy) * (ONE - fz) * high
-    row[b + k] = row[b + k] + (ONE - fy) * fz * high
-    row[b + j] = row[b + j] + fy * (ONE - fz) * high
-    row[b + j + k] = row[b + j + k] + fy * fz * high
+    wp.atomic_add(row, b, (ONE - fy) * (ONE - fz) * high)
+    wp.atomic_add(row, b + k, (ONE - fy) * fz * high)
+    wp.atomic_add(row, b + j, fy * (ONE - fz) * high)
+    wp.atomic_add(row, b + j + k, fy * fz * high)
 
 
 @wp.func
@@ -127,17 +127,17 @@ def scatter_linear(
     b = s.base
     v = value - s.f[0] * dx - fy * dy - fz * dz  # at the lowest sample
     w = (ONE - s.f[0]) * weight
-    row[b] = row[b] + (ONE - fy) * (ONE - fz) * w * v
-    row[b + k] = row[b + k] + (ONE - fy) * fz * w * (v + dz)
-    row[b + j] = row[b + j] + fy * (ONE - fz) * w * (v + dy)
-    row[b + j + k] = row[b + j + k] + fy * fz * w * (v + dy + dz)
+    wp.atomic_add(row, b, (ONE - fy) * (ONE - fz) * w * v)
+    wp.atomic_add(row, b + k, (ONE - fy) * fz * w * (v + dz))
+    wp.atomic_add(row, b + j, fy * (ONE - fz) * w * (v + dy))
+    wp.atomic_add(row, b + j + k, fy * fz * w * (v + dy + dz))
     b += i
     v += dx
     w = s.f[0] * weight
-    row[b] = row[b] + (ONE - fy) * (ONE - fz) * w * v
-    row[b + k] = row[b + k] + (ONE - fy) * fz * w * (v + dz)
-    row[b + j] = row[b + j] + fy * (ONE - fz) * w * (v + dy)
-    row[b + j + k] = row[b + j + k] + fy * fz * w * (v + dy + dz)
+    wp.atomic_add(row, b, (ONE - fy) * (ONE - fz) * w * v)
+    wp.atomic_add(row, b + k, (ONE - fy) * fz * w * (v + dz))
+    wp.atomic_add(row, b + j, fy * (ONE - fz) * w * (v + dy))
+    wp.atomic_add(row, b + j + k, fy * fz * w * (v + dy + dz))
 
 
 @wp.func

@@ -139,5 +139,6 @@ def pace_arrays(worlds: int) -> layout.Pace:
     p.left, p.dt, p.fastest = (zeros((worlds,), wp.float64) for _ in range(3))
     p.given, p.touching = zeros((worlds,), wp.vec3d), zeros((worlds,), wp.int32)
     p.diverged = buffers.full((worlds,), -1, wp.int32)
-    p.go, p.halted, p.steps = zeros((1,), wp.int32), zeros((1,), wp.int32), zeros((worlds,), wp.int32)
+    p.go, p.halted = zeros((1,), wp.int32), zeros((1,), wp.int32)
+    p.steps, p.present, p.lost = (zeros((worlds,), wp.int32) for _ in range(3))
     return p

@@ -5,6 +5,7 @@ Affine particle-in-cell (Jiang, Schroeder, Selle, Teran, Stomakhin 2015) with li
 
 import warp as wp
 
+from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles
 from polyworld.solver.fluid.stencil import ONE, ZERO, scatter, scatter_linear, stencil
 from polyworld.solver.spatial.layout import Body
@@ -15,6 +16,7 @@ COURANT = wp.float64(1.0)  # edges that the fastest particle crosses in a sub-st
 TOO_FAST = wp.float64(1.0e4)  # no liquid of a scene moves like this [m/s]
 CAPILLARY = wp.float64(0.28)  # 1 / sqrt(4 pi)
 MARGIN = 3  # cells of the window around the particles
+NONE = 2147483647  # no particle
 
 
 @wp.kernel
@@ -26,36 +28,40 @@ def begin_step(pace: Pace, h: wp.array[wp.float64]) -> None:
 
 
 @wp.kernel
-def choose_step(
-    grid: Grid, particles: Particles, liquids: Liquids, fields: Fields, pace: Pace, bodies: wp.array2d[Body], count: int
-) -> None:
-    """Length of the next sub-step, an equal part of what is left, and the window of cells around the particles.
-
-    A world stops where a particle diverges; `diverged` is that particle.
-    """
+def begin_substep(grid: Grid, fields: Fields, pace: Pace) -> None:
+    """Reset what the lanes of `measure` gather."""
     w = wp.tid()
     if w == 0:
         pace.go[0] = 0
-    left = pace.left[w]
     pace.dt[w] = ZERO
     pace.given[w] = wp.vec3d()
     pace.touching[w] = 0
-    if left <= ZERO or pace.halted[0] != 0:
+    pace.fastest[w] = ZERO
+    pace.present[w] = 0
+    pace.lost[w] = NONE
+    for a in range(3):
+        fields.window[w, a] = grid.count[a]
+        fields.window[w, 3 + a] = 0
+
+
+@wp.kernel
+def measure(grid: Grid, particles: Particles, fields: Fields, pace: Pace) -> None:
+    """fastest: largest component of a particle's velocity. window: the cells around the particles. present, lost."""
+    w, lane = wp.tid()
+    if pace.left[w] <= ZERO or pace.halted[0] != 0:
         return
     fastest = wp.float64(0.0)
     lo = grid.count
     hi = wp.vec3i(0, 0, 0)
     present = wp.int32(0)
-    for p in range(particles.used[w]):
+    for p in range(lane, particles.used[w], grid.lanes):
         if particles.fluid[w, p] < 0:
             continue
         present = 1
         v = particles.v[w, p]
         speed = wp.length(v)
         if not (speed < TOO_FAST):  # not a number, too
-            if pace.diverged[w] < 0:
-                pace.diverged[w] = p
-            pace.left[w] = ZERO
+            wp.atomic_min(pace.lost, w, p)
             return
         g = (particles.x[w, p] - grid.origin) / grid.cell
         for a in range(3):
@@ -65,14 +71,37 @@ def choose_step(
                 lo[a] = wp.min(lo[a], i - MARGIN)
                 hi[a] = wp.max(hi[a], i + MARGIN + 1)
     if present == 0:
-        lo = wp.vec3i(0, 0, 0)
-        hi = lo
+        return
+    wp.atomic_max(pace.present, w, 1)
+    wp.atomic_max(pace.fastest, w, fastest)
     for a in range(3):
-        if grid.wide[a] == 0:
-            lo[a] = 0
-            hi[a] = present
-        fields.window[w, a] = wp.max(lo[a], 0)
-        fields.window[w, 3 + a] = wp.min(hi[a], grid.count[a])
+        wp.atomic_min(fields.window, w, a, lo[a])
+        wp.atomic_max(fields.window, w, 3 + a, hi[a])
+
+
+@wp.kernel
+def choose_step(grid: Grid, liquids: Liquids, fields: Fields, pace: Pace, bodies: wp.array2d[Body], count: int) -> None:
+    """Length of the next sub-step, an equal part of what is left, and the window within the grid.
+
+    A world stops where a particle diverges; `diverged` is that particle.
+    """
+    w = wp.tid()
+    left = pace.left[w]
+    if left <= ZERO or pace.halted[0] != 0:
+        return
+    if pace.lost[w] < NONE:
+        if pace.diverged[w] < 0:
+            pace.diverged[w] = pace.lost[w]
+        pace.left[w] = ZERO
+        return
+    present = pace.present[w]
+    for a in range(3):
+        if grid.wide[a] == 0 or present == 0:
+            fields.window[w, a] = 0
+            fields.window[w, 3 + a] = present
+        fields.window[w, a] = wp.max(fields.window[w, a], 0)
+        fields.window[w, 3 + a] = wp.min(fields.window[w, 3 + a], grid.count[a])
+    fastest = pace.fastest[w]
     for b in range(count):
         if bodies[w, b].active == 1:
             fastest = wp.max(fastest, wp.length(bodies[w, b].v))
@@ -99,12 +128,12 @@ def choose_step(
 
 @wp.kernel
 def clear(grid: Grid, fields: Fields, pace: Pace) -> None:
-    w = wp.tid()
+    w, lane = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     for i in range(fields.window[w, 0], fields.window[w, 3]):
-        for j in range(fields.window[w, 1], fields.window[w, 4]):
-            for k in range(fields.window[w, 2], fields.window[w, 5]):
+        for j in range(first_row(grid, lane, i, fields.window[w, 1]), fields.window[w, 4], grid.abreast):
+            for k in range(first_cell(grid, lane, fields.window[w, 2]), fields.window[w, 5], grid.across):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 for a in range(3):
                     fields.velocity[w, a, c] = ZERO
@@ -117,13 +146,13 @@ def clear(grid: Grid, fields: Fields, pace: Pace) -> None:
 @wp.kernel
 def particles_to_grid(grid: Grid, particles: Particles, liquids: Liquids, fields: Fields, pace: Pace) -> None:
     """Adds the particles' volume, mass and momentum, gravity's included, to the faces, their volume to the cells."""
-    w = wp.tid()
+    w, lane = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     volume = particles.volume
     fall = liquids.gravity[w % liquids.gravity.shape[0]] * pace.dt[w]
     content = fields.content[w]
-    for p in range(particles.used[w]):
+    for p in range(lane, particles.used[w], grid.lanes):
         f = particles.fluid[w, p]
         if f < 0:
             continue
@@ -145,12 +174,12 @@ def particles_to_grid(grid: Grid, particles: Particles, liquids: Liquids, fields
 @wp.kernel
 def momentum_to_velocity(grid: Grid, fields: Fields, pace: Pace) -> None:
     """Faces' velocity from their momentum."""
-    w = wp.tid()
+    w, lane = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     for i in range(fields.window[w, 0], fields.window[w, 3]):
-        for j in range(fields.window[w, 1], fields.window[w, 4]):
-            for k in range(fields.window[w, 2], fields.window[w, 5]):
+        for j in range(first_row(grid, lane, i, fields.window[w, 1]), fields.window[w, 4], grid.abreast):
+            for k in range(first_cell(grid, lane, fields.window[w, 2]), fields.window[w, 5], grid.across):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 for a in range(3):
                     m = fields.mass[w, a, c]
