@@ -14,19 +14,23 @@ wp.set_module_options(OPTIONS)
 
 
 @wp.func(inline=False)
-def gather_wrench(grid: Grid, wetted: Wetted, w: int, p: wp.array[wp.float64]) -> None:
-    """force and torque (per metre in a plane) of pressures p on every body."""
+def clear_wrench(wetted: Wetted, w: int) -> None:
     for b in range(wetted.force.shape[1]):
         wetted.force[w, b] = wp.vec3d()
         wetted.torque[w, b] = wp.vec3d()
-    for e in range(wetted.count[w]):
+
+
+@wp.func(inline=False)
+def add_wrench(grid: Grid, wetted: Wetted, w: int, lane: int, p: wp.array[wp.float64]) -> None:
+    """Add force and torque (per metre in a plane) of pressures p on a lane's share of the faces of every body."""
+    for m in range(lane, wetted.count[w], grid.lanes):
+        e = wetted.touching[w, m]
         push = grid.area * wetted.cover[w, e] * (p[wetted.lower[w, e]] - p[wetted.upper[w, e]])
         b = wetted.body[w, e]
-        f = wetted.force[w, b]
-        a = wetted.axis[w, e]
-        f[a] = f[a] + push
-        wetted.force[w, b] = f
-        wetted.torque[w, b] = wetted.torque[w, b] + push * wetted.arm[w, e]
+        force = wp.vec3d()
+        force[wetted.axis[w, e]] = push
+        wp.atomic_add(wetted.force, w, b, force)
+        wp.atomic_add(wetted.torque, w, b, push * wetted.arm[w, e])
 
 
 @wp.func(inline=False)
@@ -46,18 +50,19 @@ def respond(grid: Grid, solids: Solids, bodies: wp.array2d[Body], wetted: Wetted
 
 
 @wp.func(inline=False)
-def add_outflow(grid: Grid, wetted: Wetted, w: int, y: wp.array[wp.float64], none: int) -> None:
-    """Add to y the divergence of push and spin [1/s]."""
-    for e in range(wetted.count[w]):
+def add_outflow(grid: Grid, wetted: Wetted, w: int, lane: int, y: wp.array[wp.float64], none: int) -> None:
+    """Add to y the divergence of push and spin at a lane's share of the faces [1/s]."""
+    for m in range(lane, wetted.count[w], grid.lanes):
+        e = wetted.touching[w, m]
         b = wetted.body[w, e]
         speed = wetted.push[w, b][wetted.axis[w, e]] + wp.dot(wetted.spin[w, b], wetted.arm[w, e])
         flow = wetted.cover[w, e] * speed / grid.cell
         low = wetted.lower[w, e]
         high = wetted.upper[w, e]
         if low < none:
-            y[low] = y[low] + flow
+            wp.atomic_add(y, low, flow)
         if high < none:
-            y[high] = y[high] - flow
+            wp.atomic_add(y, high, -flow)
 
 
 @wp.func(inline=False)
@@ -68,47 +73,34 @@ def present_motion(bodies: wp.array2d[Body], wetted: Wetted, w: int, count: int)
         wetted.spin[w, b] = bodies[w, b].w
 
 
-@wp.func(inline=False)
-def keep_touching(wetted: Wetted, fields_unknown: wp.array2d[wp.int32], stride: wp.vec3i, w: int, none: int) -> None:
-    """Fill in the rows beside each covered face; faces with no unknown on either side are dropped."""
-    kept = wp.int32(0)
-    for e in range(wp.min(wetted.count[w], wetted.capacity)):
-        c = wetted.face[w, e]
-        high = fields_unknown[w, c]
-        low = fields_unknown[w, c - stride[wetted.axis[w, e]]]
-        if high < 0 and low < 0:
-            continue
-        if high < 0:
-            high = none
-        if low < 0:
-            low = none
-        wetted.lower[w, kept] = low
-        wetted.upper[w, kept] = high
-        wetted.body[w, kept] = wetted.body[w, e]
-        wetted.axis[w, kept] = wetted.axis[w, e]
-        wetted.face[w, kept] = c
-        wetted.cover[w, kept] = wetted.cover[w, e]
-        wetted.arm[w, kept] = wetted.arm[w, e]
-        kept += 1
-    wetted.count[w] = kept
+@wp.kernel
+def reset_wrench(wetted: Wetted) -> None:
+    w = wp.tid()
+    clear_wrench(wetted, w)
+
+
+@wp.kernel
+def gather_wrench(grid: Grid, system: System, wetted: Wetted, pace: Pace) -> None:
+    """force and torque (per metre in a plane) of the pressure on every body, added to what they are."""
+    w, lane = wp.tid()
+    if pace.dt[w] > ZERO:
+        add_wrench(grid, wetted, w, lane, system.x[w])
 
 
 @wp.kernel
 def push_bodies(
     grid: Grid,
     solids: Solids,
-    system: System,
     wetted: Wetted,
     bodies: wp.array2d[Body],
     h: wp.array[wp.float64],
     pace: Pace,
 ) -> None:
-    """Velocity change of the bodies by the pressure on them, kept as the forecast of the next coupling step's."""
+    """Velocity change of the bodies by the pressure's force and torque, kept as the next coupling step's forecast."""
     w = wp.tid()
     dt = pace.dt[w]
     if dt <= ZERO:
         return
-    gather_wrench(grid, wetted, w, system.x[w])
     respond(grid, solids, bodies, wetted, w, dt)
     for b in range(solids.bodies):
         if bodies[w, b].active == 1:

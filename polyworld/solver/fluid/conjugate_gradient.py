@@ -168,13 +168,3 @@ def conjugate_gradients(kind: Any, misfit: Any, precondition: Any, multiply: Any
         return iterations
 
     return solve
-
-
-@wp.func(inline=False)
-def number_unknowns(system: System, w: int, cell: int, n: int) -> int:
-    """Row for a cell; -1 where there is no more room."""
-    if n >= system.rows:
-        system.overflow[w] = 1
-        return -1
-    system.cell[w, n] = cell
-    return n

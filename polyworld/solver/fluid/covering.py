@@ -3,6 +3,7 @@
 import warp as wp
 
 from polyworld.solver.fluid.distance import cover, nearest, to_solid
+from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, Solids, Wetted
 from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, centre
 from polyworld.solver.spatial.layout import Body
@@ -140,23 +141,32 @@ def cover_by_statics(grid: Grid, solids: Solids, fields: Fields) -> None:
 
 
 @wp.kernel
-def cover_by_bodies(
-    grid: Grid, solids: Solids, fields: Fields, bodies: wp.array2d[Body], pace: Pace, wetted: Wetted
-) -> None:
-    """open and room of the window's cells, and the list of faces that bodies cover."""
-    w = wp.tid()
+def take_statics(grid: Grid, fields: Fields, pace: Pace) -> None:
+    """open and room of the window's cells: box and statics."""
+    w, lane = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(lo[1], hi[1]):
-            for k in range(lo[2], hi[2]):
+        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
+            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 for a in range(3):
                     fields.open[w, a, c] = fields.static_open[a, c]
                 fields.room[w, c] = fields.static_room[c]
-    count = wp.int32(0)
+
+
+@wp.kernel
+def cover_by_bodies(
+    grid: Grid, solids: Solids, fields: Fields, bodies: wp.array2d[Body], pace: Pace, wetted: Wetted
+) -> None:
+    """open and room of the window's cells less what bodies take, and the list of faces that they cover."""
+    w, lane = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     first = wp.int32(0)
     for b in range(solids.bodies):
         reach = wp.float64(0.0)
@@ -180,8 +190,8 @@ def cover_by_bodies(
                 begin[a] = wp.max(lo[a], wp.int32(wp.max(g[a] - span, ZERO)))
                 end[a] = wp.min(hi[a], wp.int32(wp.max(g[a] + span, -ONE)) + 1)
         for i in range(begin[0], end[0]):
-            for j in range(begin[1], end[1]):
-                for k in range(begin[2], end[2]):
+            for j in range(first_row(grid, lane, i, begin[1]), end[1], grid.abreast):
+                for k in range(first_cell(grid, lane, begin[2]), end[2], grid.across):
                     c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                     p = centre(grid, i, j, k, 3)
                     d = _closest(solids, first, last, x, r, p)
@@ -205,7 +215,10 @@ def cover_by_bodies(
                         fields.open[w, a, c] = free - part
                         if wp.vec3i(i, j, k)[a] == lo[a]:
                             continue  # the window's border: no liquid beside it
-                        if count < wetted.capacity:
+                        count = wp.atomic_add(wetted.found, w, 1)
+                        if count >= wetted.capacity:
+                            wetted.full[w] = 1
+                        else:
                             axis = wp.vec3d()
                             axis[a] = ONE
                             wetted.body[w, count] = b
@@ -213,12 +226,7 @@ def cover_by_bodies(
                             wetted.face[w, count] = c
                             wetted.cover[w, count] = part
                             wetted.arm[w, count] = wp.cross(q - x, axis)
-                        count += 1
         first = last
-    if count > wetted.capacity:
-        wetted.full[w] = 1
-        count = wetted.capacity
-    wetted.count[w] = count
 
 
 @wp.kernel

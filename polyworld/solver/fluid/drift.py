@@ -13,6 +13,7 @@ from polyworld.solver.fluid.conjugate_gradient import (
     multiply,
     precondition,
 )
+from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, System
 from polyworld.solver.fluid.stencil import ONE, ZERO
 
@@ -35,27 +36,24 @@ def _misfit(system: System, w: int, n: int) -> wp.float64:
 _solve = conjugate_gradients(System, _misfit, precondition, multiply)
 
 
-@wp.kernel
-def find_shift(grid: Grid, fields: Fields, system: System, soft: int, pace: Pace) -> None:
-    """shift of every face [m]; its flow out of a cell is the share of the excess that this sub-step takes away."""
-    w = wp.tid()
-    dt = pace.dt[w]
-    if dt <= ZERO:
-        return
-    h = grid.cell
-    n = system.n[w]
-    none = system.rows
-    # In the time that the liquid takes to cross half a cell, its content is put right.
-    rate = wp.float64(2.0) * dt * pace.fastest[w] / h
+@wp.func
+def _rate(grid: Grid, soft: int, w: int, pace: Pace) -> wp.float64:
+    """Share of the excess that a sub-step takes away: in the time to cross half a cell, content is put right."""
+    rate = wp.float64(2.0) * pace.dt[w] * pace.fastest[w] / grid.cell
     if soft == 1:
         rate *= wp.float64(5.0)  # soft bodies and liquid creep into each other: their samples move apart
-    rate = wp.min(ONE, rate)
-    x = system.x[w]
-    r = system.residual[w]
-    z = system.z[w]
-    s = system.search[w]
-    y = system.product[w]
-    for i in range(n):
+    return wp.min(ONE, rate)
+
+
+@wp.kernel
+def build_drift(grid: Grid, fields: Fields, system: System, soft: int, pace: Pace) -> None:
+    """Build the equations: row i is the share of the excess of content at cell i that this sub-step takes away."""
+    w, lane = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    h = grid.cell
+    rate = _rate(grid, soft, w, pace)
+    for i in range(lane, system.n[w], grid.lanes):
         c = system.cell[w, i]
         diagonal = wp.float64(0.0)
         surface = wp.int32(0)
@@ -86,18 +84,43 @@ def find_shift(grid: Grid, fields: Fields, system: System, soft: int, pace: Pace
             diagonal = wp.max(diagonal, SMALLEST)
             excess = ZERO
         system.diagonal[w, i] = diagonal
-        r[i] = rate * excess
-        x[i] = ZERO
-    x[none] = ZERO
-    enough = wp.max(TOLERANCE * largest(r, n), NEGLIGIBLE * rate)
+        system.residual[w, i] = rate * excess
+        system.x[w, i] = ZERO
+    if lane == 0:
+        system.x[w, system.rows] = ZERO
+
+
+@wp.kernel
+def solve_drift(grid: Grid, system: System, soft: int, pace: Pace) -> None:
+    """Conjugate gradients from no shift."""
+    w = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    n = system.n[w]
+    x = system.x[w]
+    r = system.residual[w]
+    z = system.z[w]
+    s = system.search[w]
+    y = system.product[w]
+    enough = wp.max(TOLERANCE * largest(r, n), NEGLIGIBLE * _rate(grid, soft, w, pace))
     factorise(system, w, n)
-    s[none] = ZERO
+    s[system.rows] = ZERO
     _solve(system, w, n, x, r, z, s, y, enough, ITERATIONS)
+
+
+@wp.kernel
+def find_shift(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
+    """shift of every face [m]; its flow out of a cell is the share of the excess that this sub-step takes away."""
+    w, lane = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    h = grid.cell
+    x = system.x[w]
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(lo[1], hi[1]):
-            for k in range(lo[2], hi[2]):
+        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
+            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 for a in range(3):

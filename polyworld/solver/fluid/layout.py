@@ -146,16 +146,18 @@ class Solids:
 
 @wp.struct
 class Wetted:
-    """Faces that rigid bodies cover, count[w] of (W, E): what pressure pushes on.
+    """Faces that rigid bodies cover, found[w] of (W, E): what pressure pushes on.
 
-    lower, upper: rows of the cells on both sides. cover: covered fraction. arm: offset from the centre of mass
-    crossed with the axis. force, torque (W, n): of the pressure, per metre in a plane; push, spin: what they do to
-    the velocities. forecast, forecast_torque: mean force and torque over the last coupling step;
-    predicted_push, predicted_spin: changes predicted, and applied in advance. full (W,): 1 where there were more faces
-    than `capacity`.
+    touching (W, E): count[w] of them that have an unknown on either side. lower, upper: rows of the cells on both
+    sides. cover: covered fraction. arm: offset from the centre of mass crossed with the axis. force, torque (W, n): of
+    the pressure, per metre in a plane; push, spin: what they do to the velocities. forecast, forecast_torque: mean
+    force and torque over the last coupling step; predicted_push, predicted_spin: changes predicted, and applied in
+    advance. full (W,): 1 where there were more faces than `capacity`.
     """
 
+    found: wp.array[wp.int32]
     count: wp.array[wp.int32]
+    touching: wp.array2d[wp.int32]
     full: wp.array[wp.int32]
     body: wp.array2d[wp.int32]
     axis: wp.array2d[wp.int32]
@@ -180,6 +182,7 @@ class Pace:
     """Sub-steps: left (W,) of the coupling step, dt (W,) of this sub-step, 0 where a world is done; go (1,).
 
     present (W,): 1 where there are particles. lost (W,): first particle that is not a number or too fast now.
+    whole (W,): mass of the particles; gained (W,): momentum that they have gained but for gravity's.
     given (W,): momentum that bodies and nodes have taken from the liquid in this sub-step. touching (W,): 1 where
     liquid is near a static or a side of the box, which then take momentum too. diverged (W,): first particle that is
     not a number or too fast, -1 for none. halted (1,): not 0 where the run was asked to end in the middle of a step.
@@ -194,6 +197,8 @@ class Pace:
     present: wp.array[wp.int32]
     lost: wp.array[wp.int32]
     given: wp.array[wp.vec3d]
+    whole: wp.array[wp.float64]
+    gained: wp.array[wp.vec3d]
     touching: wp.array[wp.int32]
     diverged: wp.array[wp.int32]
 
@@ -212,7 +217,7 @@ class Resistance:
 
 @wp.struct
 class Viscous:
-    """Equations of viscosity: row (W, 3, C) of each face, first the n[w] of liquid, then those in solids.
+    """Equations of viscosity: row (W, 3, C) of each face, first the n[w] of liquid, then walls[w] in solids.
 
     mass (W, N): of a face with all its surroundings in the liquid. x: velocity, given in solids. active (W,); reach
     (W,): how well a boundary layer is resolved, 1 and more fully.
@@ -221,6 +226,7 @@ class Viscous:
     resistance: Resistance
     row: wp.array3d[wp.int32]
     n: wp.array[wp.int32]
+    walls: wp.array[wp.int32]
     mass: wp.array2d[wp.float64]
     diagonal: wp.array2d[wp.float64]
     x: wp.array2d[wp.float64]

@@ -3,6 +3,7 @@
 import warp as wp
 
 from polyworld.solver.fluid.distance import nearest, to_solid
+from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles, Solids, Wetted
 from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, centre, gather, gather_slope, stencil
 from polyworld.solver.spatial.layout import Body
@@ -44,40 +45,39 @@ def _velocity(grid: Grid, fields: Fields, w: int, x: wp.vec3d) -> wp.vec3d:
 
 
 @wp.kernel
-def continue_velocity(grid: Grid, fields: Fields, pace: Pace) -> None:
-    """Velocity of faces outside the liquid: the mean of their neighbours, layer by layer."""
-    w = wp.tid()
+def continue_velocity(grid: Grid, fields: Fields, layer: int, pace: Pace) -> None:
+    """Velocity of faces outside the liquid: the mean of their neighbours known up to a layer."""
+    w, lane = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
-    for layer in range(1, LAYERS + 1):
-        for i in range(lo[0], hi[0]):
-            for j in range(lo[1], hi[1]):
-                for k in range(lo[2], hi[2]):
-                    c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
-                    index = wp.vec3i(i, j, k)
-                    for a in range(3):
-                        if fields.known[w, a, c] > 0 or grid.wide[a] == 0:
+    for i in range(lo[0], hi[0]):
+        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
+            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                index = wp.vec3i(i, j, k)
+                for a in range(3):
+                    if fields.known[w, a, c] > 0 or grid.wide[a] == 0:
+                        continue
+                    total = wp.float64(0.0)
+                    count = wp.int32(0)
+                    for b in range(3):
+                        if grid.wide[b] == 0:
                             continue
-                        total = wp.float64(0.0)
-                        count = wp.int32(0)
-                        for b in range(3):
-                            if grid.wide[b] == 0:
-                                continue
-                            if index[b] > lo[b]:
-                                d = c - grid.stride[b]
-                                if fields.known[w, a, d] > 0 and fields.known[w, a, d] <= layer:
-                                    total += fields.velocity[w, a, d]
-                                    count += 1
-                            if index[b] + 1 < hi[b]:
-                                d = c + grid.stride[b]
-                                if fields.known[w, a, d] > 0 and fields.known[w, a, d] <= layer:
-                                    total += fields.velocity[w, a, d]
-                                    count += 1
-                        if count > 0:
-                            fields.velocity[w, a, c] = total / wp.float64(count)
-                            fields.known[w, a, c] = layer + 1
+                        if index[b] > lo[b]:
+                            d = c - grid.stride[b]
+                            if fields.known[w, a, d] > 0 and fields.known[w, a, d] <= layer:
+                                total += fields.velocity[w, a, d]
+                                count += 1
+                        if index[b] + 1 < hi[b]:
+                            d = c + grid.stride[b]
+                            if fields.known[w, a, d] > 0 and fields.known[w, a, d] <= layer:
+                                total += fields.velocity[w, a, d]
+                                count += 1
+                    if count > 0:
+                        fields.velocity[w, a, c] = total / wp.float64(count)
+                        fields.known[w, a, c] = layer + 1
 
 
 @wp.func(inline=False)
@@ -123,17 +123,14 @@ def slide_along_solids(
     Walls of about an edge's thickness are shut at a face near their surface, on which half a cell of liquid hangs that
     the pressure at the cell's centre does not bear: force and torque of `wetted` take the momentum that it loses.
     """
-    w = wp.tid()
+    w, lane = wp.tid()
     if pace.dt[w] <= ZERO:
         return
-    for b in range(solids.bodies):
-        wetted.force[w, b] = wp.vec3d()
-        wetted.torque[w, b] = wp.vec3d()
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(lo[1], hi[1]):
-            for k in range(lo[2], hi[2]):
+        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
+            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 for a in range(3):
@@ -161,8 +158,8 @@ def slide_along_solids(
                         momentum_loss = wp.vec3d()
                         momentum_loss[a] = fields.mass[w, a, c] * (fields.shift[w, a, c] - slid)
                         b = near.body
-                        wetted.force[w, b] = wetted.force[w, b] + momentum_loss
-                        wetted.torque[w, b] = wetted.torque[w, b] + wp.cross(p - bodies[w, b].x, momentum_loss)
+                        wp.atomic_add(wetted.force, w, b, momentum_loss)
+                        wp.atomic_add(wetted.torque, w, b, wp.cross(p - bodies[w, b].x, momentum_loss))
 
 
 @wp.func
@@ -206,8 +203,8 @@ def _keep_out(
                 v = v - n * into
                 if b >= 0:
                     impulse = n * (mass * into)
-                    wetted.force[w, b] = wetted.force[w, b] + impulse
-                    wetted.torque[w, b] = wetted.torque[w, b] + wp.cross(x - position, impulse)
+                    wp.atomic_add(wetted.force, w, b, impulse)
+                    wp.atomic_add(wetted.torque, w, b, wp.cross(x - position, impulse))
             x = x + n * (skin - near[3])
     return _motion(x, v)
 
@@ -225,9 +222,10 @@ def move_particles(
 ) -> None:
     """Particles take the grid's velocity and its gradient, and move with it (midpoint rule).
 
-    Impulses of particles that run into bodies are added to force and torque of `wetted`.
+    Impulses of particles that run into bodies are added to force and torque of `wetted`, masses and gains of momentum
+    but for gravity's to whole and gained of `pace`.
     """
-    w = wp.tid()
+    w, lane = wp.tid()
     dt = pace.dt[w]
     if dt <= ZERO:
         return
@@ -235,7 +233,7 @@ def move_particles(
     fall = liquids.gravity[w % liquids.gravity.shape[0]] * dt
     whole = wp.float64(0.0)
     gained = wp.vec3d()
-    for p in range(particles.used[w]):
+    for p in range(lane, particles.used[w], grid.lanes):
         if particles.fluid[w, p] < 0:
             continue
         x = particles.x[w, p]
@@ -291,14 +289,23 @@ def move_particles(
         particles.x[w, p] = x
         particles.v[w, p] = v
         particles.gradient[w, p] = gradient
-    for b in range(solids.bodies):
+    wp.atomic_add(pace.whole, w, whole)
+    wp.atomic_add(pace.gained, w, gained)
+
+
+@wp.kernel
+def restore_momentum(grid: Grid, particles: Particles, wetted: Wetted, bodies: int, pace: Pace) -> None:
+    """Remove what the free surface's ghost values have added to the momentum, where only gravity acts from outside."""
+    w, lane = wp.tid()
+    whole = pace.whole[w]
+    if pace.dt[w] <= ZERO or pace.touching[w] == 1 or whole <= ZERO:
+        return
+    gained = pace.gained[w]
+    for b in range(bodies):
         gained = gained + wetted.force[w, b]
     gained = gained + pace.given[w]
     if grid.thin >= 0:
         gained[grid.thin] = ZERO
-    if pace.touching[w] == 1 or whole <= ZERO:
-        return
-    # Nothing but gravity acts from outside: what the free surface's ghost values have gained or lost is put back.
-    for p in range(particles.used[w]):
+    for p in range(lane, particles.used[w], grid.lanes):
         if particles.fluid[w, p] >= 0:
             particles.v[w, p] = particles.v[w, p] - gained / whole

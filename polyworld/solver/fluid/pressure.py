@@ -6,16 +6,16 @@ second order by ghost values (Enright, Nguyen, Gibou, Fedkiw 2003).
 
 import warp as wp
 
-from polyworld.solver.fluid.bodies import add_outflow, gather_wrench, keep_touching, present_motion, respond
+from polyworld.solver.fluid.bodies import add_outflow, add_wrench, clear_wrench, present_motion, respond
 from polyworld.solver.fluid.conjugate_gradient import (
     conjugate_gradients,
     factorise,
     largest,
     multiply,
-    number_unknowns,
     precondition,
     step_along,
 )
+from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, Solids, System, Tension, Wetted
 from polyworld.solver.fluid.stencil import ONE, ZERO, gather, stencil
 from polyworld.solver.spatial.layout import Body
@@ -36,17 +36,11 @@ def surface_pressure(tension: Tension, w: int, inner: int, outer: int, gap: wp.f
 
 
 @wp.kernel
-def build_pressure(
-    grid: Grid, fields: Fields, system: System, wetted: Wetted, tension: Tension, tense: int, pace: Pace
-) -> None:
-    """Build the equations: row i is the divergence at cell i that pressures remove."""
-    w = wp.tid()
-    dt = pace.dt[w]
-    if dt <= ZERO:
+def number_unknowns(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
+    """Give the liquid's cells rows of the equations."""
+    w, lane = wp.tid()
+    if pace.dt[w] <= ZERO:
         return
-    h = grid.cell
-    none = system.rows
-    n = wp.int32(0)
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for a in range(3):
@@ -54,8 +48,8 @@ def build_pressure(
             lo[a] += 1
             hi[a] -= 1
     for i in range(lo[0], hi[0]):
-        for j in range(lo[1], hi[1]):
-            for k in range(lo[2], hi[2]):
+        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
+            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 if fields.level[w, c] >= ZERO:
                     fields.pressure[w, c] = ZERO
@@ -66,12 +60,25 @@ def build_pressure(
                         widest = wp.max(widest, fields.open[w, a, c])
                         widest = wp.max(widest, fields.open[w, a, c + grid.stride[a]])
                 if widest > OPEN:
-                    row = number_unknowns(system, w, c, n)
-                    fields.unknown[w, c] = row
-                    if row >= 0:
-                        n += 1
-    system.n[w] = n
-    for i in range(n):
+                    row = wp.atomic_add(system.n, w, 1)
+                    if row < system.rows:
+                        system.cell[w, row] = c
+                        fields.unknown[w, c] = row
+                    else:
+                        wp.atomic_add(system.n, w, -1)
+                        system.overflow[w] = 1
+
+
+@wp.kernel
+def build_pressure(grid: Grid, fields: Fields, system: System, tension: Tension, tense: int, pace: Pace) -> None:
+    """Build the equations: row i is the divergence at cell i that pressures remove."""
+    w, lane = wp.tid()
+    dt = pace.dt[w]
+    if dt <= ZERO:
+        return
+    h = grid.cell
+    none = system.rows
+    for i in range(lane, system.n[w], grid.lanes):
         c = system.cell[w, i]
         diagonal = wp.float64(0.0)
         divergence = wp.float64(0.0)
@@ -117,10 +124,31 @@ def build_pressure(
         system.diagonal[w, i] = diagonal
         system.residual[w, i] = -divergence
         system.x[w, i] = fields.pressure[w, c]
-    for a in range(3):
-        system.coupling[w, a, none] = ZERO
-    system.x[w, none] = ZERO
-    keep_touching(wetted, fields.unknown, grid.stride, w, none)
+    if lane == 0:
+        for a in range(3):
+            system.coupling[w, a, none] = ZERO
+        system.x[w, none] = ZERO
+
+
+@wp.kernel
+def list_touching(grid: Grid, fields: Fields, system: System, wetted: Wetted, pace: Pace) -> None:
+    """List the covered faces with an unknown on either side, and the rows beside them."""
+    w, lane = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    for e in range(lane, wp.min(wetted.found[w], wetted.capacity), grid.lanes):
+        c = wetted.face[w, e]
+        high = fields.unknown[w, c]
+        low = fields.unknown[w, c - grid.stride[wetted.axis[w, e]]]
+        if high < 0 and low < 0:
+            continue
+        if high < 0:
+            high = system.rows
+        if low < 0:
+            low = system.rows
+        wetted.lower[w, e] = low
+        wetted.upper[w, e] = high
+        wetted.touching[w, wp.atomic_add(wetted.count, w, 1)] = e
 
 
 @wp.struct
@@ -150,9 +178,10 @@ def _multiply(equations: Coupled, w: int, n: int, x: wp.array[wp.float64], y: wp
     """y = A x, with the bodies' part; x[rows] must be 0."""
     multiply(equations.system, w, n, x, y)
     if equations.wetted.count[w] > 0:
-        gather_wrench(equations.grid, equations.wetted, w, x)
+        clear_wrench(equations.wetted, w)
+        add_wrench(equations.grid, equations.wetted, w, 0, x)
         respond(equations.grid, equations.solids, equations.bodies, equations.wetted, w, equations.dt)
-        add_outflow(equations.grid, equations.wetted, w, y, equations.system.rows)
+        add_outflow(equations.grid, equations.wetted, w, 0, y, equations.system.rows)
 
 
 _solve = conjugate_gradients(Coupled, _misfit, _precondition, _multiply)
@@ -160,7 +189,7 @@ _solve = conjugate_gradients(Coupled, _misfit, _precondition, _multiply)
 
 @wp.kernel
 def solve_pressure(
-    grid: Grid, solids: Solids, fields: Fields, system: System, wetted: Wetted, bodies: wp.array2d[Body], pace: Pace
+    grid: Grid, solids: Solids, system: System, wetted: Wetted, bodies: wp.array2d[Body], pace: Pace
 ) -> None:
     """Conjugate gradients from the last sub-step's pressure."""
     w = wp.tid()
@@ -185,7 +214,7 @@ def solve_pressure(
         present_motion(bodies, wetted, w, solids.bodies)
         for i in range(n):
             y[i] = ZERO
-        add_outflow(grid, wetted, w, y, none)
+        add_outflow(grid, wetted, w, 0, y, none)
         step_along(r, y, -ONE, n)
     enough = TOLERANCE * largest(r, n)
     _multiply(equations, w, n, x, y)
@@ -193,8 +222,15 @@ def solve_pressure(
     factorise(system, w, n)
     s[none] = ZERO
     system.iterations[w] = _solve(equations, w, n, x, r, z, s, y, enough, ITERATIONS)
-    for i in range(n):
-        fields.pressure[w, system.cell[w, i]] = x[i]
+
+
+@wp.kernel
+def take_pressure(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
+    """Pressure of the cells from their rows."""
+    w, lane = wp.tid()
+    if pace.dt[w] > ZERO:
+        for i in range(lane, system.n[w], grid.lanes):
+            fields.pressure[w, system.cell[w, i]] = system.x[w, i]
 
 
 @wp.func(inline=False)
@@ -223,15 +259,15 @@ def _difference(fields: Fields, tension: Tension, tense: int, w: int, low: int, 
 @wp.kernel
 def push_liquid(grid: Grid, fields: Fields, tension: Tension, tense: int, pace: Pace) -> None:
     """Velocity change by the pressure gradient on all faces beside an unknown; marks the faces that are known."""
-    w = wp.tid()
+    w, lane = wp.tid()
     dt = pace.dt[w]
     if dt <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(lo[1], hi[1]):
-            for k in range(lo[2], hi[2]):
+        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
+            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 for a in range(3):

@@ -50,7 +50,7 @@ def substep(r: Records, clock: Clock) -> None:
     grid, solids, particles, liquids, fields = r.grid, r.solids, r.particles, r.liquids, r.fields
     system, wetted, pace, held = r.system, r.wetted, r.pace, r.bodies
     immersed_by = (grid, fields, r.samples, r.nodes, pace)
-    _worlds(r, transfer.begin_substep, grid, fields, pace)
+    _worlds(r, transfer.begin_substep, grid, fields, system, wetted, pace)
     _lanes(r, transfer.measure, grid, particles, fields, pace)
     _worlds(r, transfer.choose_step, grid, liquids, fields, pace, held, solids.bodies)
 
@@ -64,40 +64,76 @@ def substep(r: Records, clock: Clock) -> None:
     _lanes(r, transfer.momentum_to_velocity, grid, fields, pace)
 
     # What bounds the liquid: bodies, ropes and sheets, its free surface.
-    _worlds(r, covering.cover_by_bodies, grid, solids, fields, held, pace, wetted)
+    _lanes(r, covering.take_statics, grid, fields, pace)
+    if solids.bodies:
+        _lanes(r, covering.cover_by_bodies, grid, solids, fields, held, pace, wetted)
     if r.samples is not None:
         _worlds(r, immersed.drag_thin, *immersed_by)
-    _worlds(r, surface.find_surface, grid, fields, pace)
+    _lanes(r, surface.find_surface, grid, fields, pace)
+    _lanes(r, surface.continue_level, grid, fields, pace)
 
     # Forces: surface tension, viscosity, then the pressure that keeps the volume.
     if r.tense:
-        _worlds(r, tension.find_tension, grid, particles, liquids, fields, r.tension, pace)
+        _find_tension(r)
     if r.viscous:
-        _worlds(r, viscosity.gather_viscosity, grid, particles, liquids, solids, fields, r.viscosity, held, pace)
-        _worlds(r, viscosity.diffuse, grid, fields, r.viscosity, pace)
-    _worlds(r, pressure.build_pressure, grid, fields, system, wetted, r.tension, int(r.tense), pace)
-    _worlds(r, pressure.solve_pressure, grid, solids, fields, system, wetted, held, pace)
-    _worlds(r, pressure.push_liquid, grid, fields, r.tension, int(r.tense), pace)
+        _diffuse(r)
+    _lanes(r, pressure.number_unknowns, grid, fields, system, pace)
+    _lanes(r, pressure.build_pressure, grid, fields, system, r.tension, int(r.tense), pace)
+    if solids.bodies:
+        _lanes(r, pressure.list_touching, grid, fields, system, wetted, pace)
+    _worlds(r, pressure.solve_pressure, grid, solids, system, wetted, held, pace)
+    _lanes(r, pressure.take_pressure, grid, fields, system, pace)
+    _lanes(r, pressure.push_liquid, grid, fields, r.tension, int(r.tense), pace)
 
     # What bodies and nodes take of it.
     if solids.bodies:
-        _worlds(r, bodies.push_bodies, grid, solids, system, wetted, held, clock.h, pace)
+        _worlds(r, bodies.reset_wrench, wetted)
+        _lanes(r, bodies.gather_wrench, grid, system, wetted, pace)
+        _worlds(r, bodies.push_bodies, grid, solids, wetted, held, clock.h, pace)
     if r.immersed_soft:
         _worlds(r, immersed.lift_soft, *immersed_by)
     if r.samples is not None:
         _worlds(r, immersed.lift_thin, *immersed_by)
 
     # Grid to particles, which move; what piles up is spread, and solids keep particles out.
-    _worlds(r, motion.continue_velocity, grid, fields, pace)
-    _worlds(r, motion.slide_along_solids, grid, solids, fields, wetted, held, pace)
+    for layer in range(1, motion.LAYERS + 1):
+        _lanes(r, motion.continue_velocity, grid, fields, layer, pace)
+    _worlds(r, bodies.reset_wrench, wetted)
+    _lanes(r, motion.slide_along_solids, grid, solids, fields, wetted, held, pace)
     if r.viscous:
-        _worlds(r, viscosity.mirror_at_walls, grid, solids, fields, r.viscosity, held, pace)
-    _worlds(r, drift.find_shift, grid, fields, system, int(r.immersed_soft), pace)
+        _lanes(r, viscosity.mirror_at_walls, grid, solids, fields, r.viscosity, held, pace)
+    _lanes(r, drift.build_drift, grid, fields, system, int(r.immersed_soft), pace)
+    _worlds(r, drift.solve_drift, grid, system, int(r.immersed_soft), pace)
+    _lanes(r, drift.find_shift, grid, fields, system, pace)
     if r.immersed_soft:
         _worlds(r, immersed.shift_soft, *immersed_by)
-    _worlds(r, motion.move_particles, grid, solids, particles, liquids, fields, wetted, held, pace)
+    _lanes(r, motion.move_particles, grid, solids, particles, liquids, fields, wetted, held, pace)
+    _lanes(r, motion.restore_momentum, grid, particles, wetted, solids.bodies, pace)
     if solids.bodies:
         _worlds(r, bodies.bump_bodies, grid, solids, wetted, held, pace)
+
+
+def _find_tension(r: Records) -> None:
+    grid, fields, pace = r.grid, r.fields, r.pace
+    _lanes(r, tension.fill_solids, grid, fields, r.tension, pace)
+    _lanes(r, tension.spread_strength, grid, r.particles, r.liquids, r.tension, pace)
+    smooth, other = r.tension.smooth, r.tension.other
+    for axis in (a for _ in range(tension.PASSES) for a in range(3) if grid.wide[a]):
+        _lanes(r, tension.smooth_along, grid, fields, axis, smooth, other, pace)
+        smooth, other = other, smooth
+    _lanes(r, tension.find_normals, grid, fields, smooth, r.tension, pace)
+    _lanes(r, tension.find_jump, grid, fields, r.tension, pace)
+
+
+def _diffuse(r: Records) -> None:
+    grid, fields, viscous, pace = r.grid, r.fields, r.viscosity, r.pace
+    _worlds(r, viscosity.begin_viscosity, grid, r.liquids, viscous, pace)
+    _lanes(r, viscosity.clear_viscosity, grid, fields, viscous, pace)
+    _lanes(r, viscosity.spread_viscosity, grid, r.particles, r.liquids, viscous, pace)
+    _lanes(r, viscosity.classify_faces, grid, r.solids, fields, viscous, r.bodies, pace)
+    _lanes(r, viscosity.number_walls, grid, fields, viscous, pace)
+    _worlds(r, viscosity.diffuse, grid, fields, viscous, pace)
+    _lanes(r, viscosity.take_velocity, grid, fields, viscous, pace)
 
 
 def _worlds(r: Records, kernel: Any, *inputs: Any) -> None:

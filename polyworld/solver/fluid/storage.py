@@ -103,8 +103,8 @@ def wetted_arrays(solids: layout.Solids, worlds: int, capacity: int) -> layout.W
     w, n = worlds, max(solids.bodies, 1)
     wet = layout.Wetted()
     wet.capacity = capacity
-    wet.count, wet.full = zeros((w,), wp.int32), zeros((w,), wp.int32)
-    for name in ("lower", "upper", "body", "axis", "face"):
+    wet.found, wet.count, wet.full = (zeros((w,), wp.int32) for _ in range(3))
+    for name in ("lower", "upper", "body", "axis", "face", "touching"):
         setattr(wet, name, zeros((w, capacity), wp.int32))
     wet.cover, wet.arm = zeros((w, capacity), wp.float64), zeros((w, capacity), wp.vec3d)
     for name in ("force", "torque", "push", "spin", "forecast", "forecast_torque", "predicted_push", "predicted_spin"):
@@ -120,7 +120,7 @@ def viscous_arrays(grid: layout.Grid, worlds: int) -> layout.Viscous:
     v.resistance = r
     for name in ("mass", "diagonal", "x", "residual", "z", "search", "product"):
         setattr(v, name, zeros((w, 3 * c), wp.float64))
-    v.n, v.active, v.iterations = (zeros((w,), wp.int32) for _ in range(3))
+    v.n, v.walls, v.active, v.iterations = (zeros((w,), wp.int32) for _ in range(4))
     v.reach = zeros((w,), wp.float64)
     return v
 
@@ -136,8 +136,9 @@ def tension_arrays(grid: layout.Grid, worlds: int, tense: bool) -> layout.Tensio
 
 def pace_arrays(worlds: int) -> layout.Pace:
     p = layout.Pace()
-    p.left, p.dt, p.fastest = (zeros((worlds,), wp.float64) for _ in range(3))
-    p.given, p.touching = zeros((worlds,), wp.vec3d), zeros((worlds,), wp.int32)
+    p.left, p.dt, p.fastest, p.whole = (zeros((worlds,), wp.float64) for _ in range(4))
+    p.given, p.gained = zeros((worlds,), wp.vec3d), zeros((worlds,), wp.vec3d)
+    p.touching = zeros((worlds,), wp.int32)
     p.diverged = buffers.full((worlds,), -1, wp.int32)
     p.go, p.halted = zeros((1,), wp.int32), zeros((1,), wp.int32)
     p.steps, p.present, p.lost = (zeros((worlds,), wp.int32) for _ in range(3))

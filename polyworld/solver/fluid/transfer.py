@@ -6,7 +6,7 @@ Affine particle-in-cell (Jiang, Schroeder, Selle, Teran, Stomakhin 2015) with li
 import warp as wp
 
 from polyworld.solver.fluid.lanes import first_cell, first_row
-from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles
+from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles, System, Wetted
 from polyworld.solver.fluid.stencil import ONE, ZERO, scatter, scatter_linear, stencil
 from polyworld.solver.spatial.layout import Body
 
@@ -28,12 +28,17 @@ def begin_step(pace: Pace, h: wp.array[wp.float64]) -> None:
 
 
 @wp.kernel
-def begin_substep(grid: Grid, fields: Fields, pace: Pace) -> None:
-    """Reset what the lanes of `measure` gather."""
+def begin_substep(grid: Grid, fields: Fields, system: System, wetted: Wetted, pace: Pace) -> None:
+    """Reset what lanes gather."""
     w = wp.tid()
     if w == 0:
         pace.go[0] = 0
     pace.dt[w] = ZERO
+    system.n[w] = 0
+    wetted.found[w] = 0
+    wetted.count[w] = 0
+    pace.whole[w] = ZERO
+    pace.gained[w] = wp.vec3d()
     pace.given[w] = wp.vec3d()
     pace.touching[w] = 0
     pace.fastest[w] = ZERO

@@ -8,6 +8,7 @@ free surface carries no traction. Where the liquid sticks, a wall is the point o
 import warp as wp
 
 from polyworld.solver.fluid.conjugate_gradient import conjugate_gradients
+from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles, Resistance, Solids, Viscous
 from polyworld.solver.fluid.motion import SHUT, solid_at
 from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, centre, scatter, stencil
@@ -17,6 +18,7 @@ wp.set_module_options(OPTIONS)
 
 NEGLIGIBLE = wp.float64(1.0e-5)  # dt viscosity / (density cell^2) below which a sub-step is inviscid
 TOLERANCE = wp.float64(1.0e-6)  # of the residual, relative to the first
+LEAST = wp.float64(1.0e-12)  # no velocity matters below this [m/s]
 ITERATIONS = 500
 RESOLVED = wp.float64(10.0)  # sub-steps in which a boundary layer must have grown over a cell to be resolved
 WALL = wp.float64(0.72)  # a face less open than this has its centre in a solid, or a quarter edge outside at most
@@ -31,23 +33,13 @@ SOLID = 2
 
 
 @wp.kernel
-def gather_viscosity(
-    grid: Grid,
-    particles: Particles,
-    liquids: Liquids,
-    solids: Solids,
-    fields: Fields,
-    viscous: Viscous,
-    bodies: wp.array2d[Body],
-    pace: Pace,
-) -> None:
-    """Viscosity times volume of the cells, and what every face is; sets active[w] where viscosity matters.
-
-    The liquid's faces get rows of the equations, in the order of the cells.
-    """
+def begin_viscosity(grid: Grid, liquids: Liquids, viscous: Viscous, pace: Pace) -> None:
+    """active: whether viscosity matters in the sub-step."""
     w = wp.tid()
     dt = pace.dt[w]
     viscous.active[w] = 0
+    viscous.n[w] = 0
+    viscous.walls[w] = 0
     if dt <= ZERO:
         return
     thickest = wp.float64(0.0)
@@ -58,15 +50,30 @@ def gather_viscosity(
         return
     viscous.active[w] = 1
     viscous.reach[w] = RESOLVED * dt * thickest / (grid.cell * grid.cell)
+
+
+@wp.kernel
+def clear_viscosity(grid: Grid, fields: Fields, viscous: Viscous, pace: Pace) -> None:
+    w, lane = wp.tid()
+    if pace.dt[w] <= ZERO or viscous.active[w] == 0:
+        return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(lo[1], hi[1]):
-            for k in range(lo[2], hi[2]):
+        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
+            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 viscous.resistance.amount[w, c] = ZERO
                 viscous.resistance.sticky[w, c] = ZERO
-    for p in range(particles.used[w]):
+
+
+@wp.kernel
+def spread_viscosity(grid: Grid, particles: Particles, liquids: Liquids, viscous: Viscous, pace: Pace) -> None:
+    """Viscosity times volume around the cells."""
+    w, lane = wp.tid()
+    if pace.dt[w] <= ZERO or viscous.active[w] == 0:
+        return
+    for p in range(lane, particles.used[w], grid.lanes):
         f = particles.fluid[w, p]
         if f < 0:
             continue
@@ -75,10 +82,21 @@ def gather_viscosity(
         scatter(grid, viscous.resistance.amount[w], s, value)
         if liquids.slip[f] == 0:
             scatter(grid, viscous.resistance.sticky[w], s, value)
-    n = wp.int32(0)
+
+
+@wp.kernel
+def classify_faces(
+    grid: Grid, solids: Solids, fields: Fields, viscous: Viscous, bodies: wp.array2d[Body], pace: Pace
+) -> None:
+    """Viscosity times volume for the room that cells have, and what every face is. The liquid's faces get rows."""
+    w, lane = wp.tid()
+    if pace.dt[w] <= ZERO or viscous.active[w] == 0:
+        return
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(lo[1], hi[1]):
-            for k in range(lo[2], hi[2]):
+        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
+            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 room = fields.room[w, c]
                 if room < LEAST_ROOM:
@@ -99,11 +117,32 @@ def gather_viscosity(
                         elif fields.mass[w, a, c] > ZERO:
                             kind = LIQUID
                             beside = HALF * (room + fields.room[w, c - grid.stride[a]])
+                            n = wp.atomic_add(viscous.n, w, 1)
                             viscous.mass[w, n] = fields.mass[w, a, c] / wp.max(beside, HALF)
                             viscous.row[w, a, c] = n
-                            n += 1
                     viscous.resistance.kind[w, a, c] = kind
-    viscous.n[w] = n
+
+
+@wp.kernel
+def number_walls(grid: Grid, fields: Fields, viscous: Viscous, pace: Pace) -> None:
+    """Give faces in solids their rows, and all rows the present velocity."""
+    w, lane = wp.tid()
+    if pace.dt[w] <= ZERO or viscous.active[w] == 0:
+        return
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
+    n = viscous.n[w]
+    for i in range(lo[0], hi[0]):
+        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
+            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                for a in range(3):
+                    if viscous.resistance.kind[w, a, c] == SOLID:
+                        row = n + wp.atomic_add(viscous.walls, w, 1)
+                        viscous.row[w, a, c] = row
+                        viscous.search[w, row] = ZERO
+                    if viscous.resistance.kind[w, a, c] != EMPTY:
+                        viscous.x[w, viscous.row[w, a, c]] = fields.velocity[w, a, c]
 
 
 @wp.func(inline=False)
@@ -200,25 +239,41 @@ def _shear(grid: Grid, fields: Fields, resistance: Resistance, w: int, c: int, a
 
 @wp.struct
 class Dissipation:
-    """Inertia and dissipation within dt [s] of the liquid's faces. rows: how many, with those in solids."""
+    """Inertia and dissipation within dt [s] of the liquid's faces."""
 
     grid: Grid
     fields: Fields
     viscous: Viscous
     dt: wp.float64
-    rows: int
 
 
 @wp.func(inline=False)
-def _apply(equations: Dissipation, w: int, n: int, x: wp.array[wp.float64], y: wp.array[wp.float64], only: int) -> None:
-    """y = (inertia + dt dissipation) x on the liquid's faces; `only` 1: its diagonal alone, x then ignored."""
+def inertia(
+    equations: Dissipation, w: int, lane: int, n: int, x: wp.array[wp.float64], y: wp.array[wp.float64], only: int
+) -> None:
+    """y = inertia x on a lane's share of the faces; `only` 1: its diagonal alone, x then ignored."""
+    viscous = equations.viscous
+    lanes = equations.grid.lanes
+    mass = viscous.mass[w]
+    for i in range(lane, n, lanes):
+        y[i] = mass[i]
+        if only == 0:
+            y[i] = mass[i] * x[i]
+    for i in range(n + lane, n + viscous.walls[w], lanes):
+        y[i] = ZERO
+
+
+@wp.func(inline=False)
+def dissipate(
+    equations: Dissipation, w: int, lane: int, x: wp.array[wp.float64], y: wp.array[wp.float64], only: int
+) -> None:
+    """Add dt dissipation x of a lane's cells to y; `only` 1: its diagonal alone, x then ignored."""
     grid = equations.grid
     fields = equations.fields
     viscous = equations.viscous
     dt = equations.dt
     kind = viscous.resistance.kind[w]
     row = equations.viscous.row[w]
-    mass = equations.viscous.mass[w]
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for a in range(3):
@@ -226,15 +281,9 @@ def _apply(equations: Dissipation, w: int, n: int, x: wp.array[wp.float64], y: w
             lo[a] += 1
             hi[a] -= 1
     two = wp.float64(2.0)
-    for i in range(n):
-        y[i] = mass[i]
-        if only == 0:
-            y[i] = mass[i] * x[i]
-    for i in range(n, equations.rows):
-        y[i] = ZERO
     for i in range(lo[0], hi[0]):
-        for j in range(lo[1], hi[1]):
-            for k in range(lo[2], hi[2]):
+        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
+            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 amount = viscous.resistance.amount[w, c]
                 for a in range(3):
@@ -246,12 +295,12 @@ def _apply(equations: Dissipation, w: int, n: int, x: wp.array[wp.float64], y: w
                         low = row[a, c]
                         high = row[a, beyond]
                         if only == 1:
-                            y[high] = y[high] + pull
-                            y[low] = y[low] + pull
+                            wp.atomic_add(y, high, pull)
+                            wp.atomic_add(y, low, pull)
                         else:
                             pull *= x[high] - x[low]
-                            y[high] = y[high] + pull
-                            y[low] = y[low] - pull
+                            wp.atomic_add(y, high, pull)
+                            wp.atomic_add(y, low, -pull)
                     for b in range(a + 1, 3):
                         if grid.wide[b] == 0 or kind[a, c] == EMPTY or kind[b, c] == EMPTY:
                             continue
@@ -264,10 +313,10 @@ def _apply(equations: Dissipation, w: int, n: int, x: wp.array[wp.float64], y: w
                         b_below = row[b, c - grid.stride[a]]
                         pull = dt * s.weight
                         if only == 1:
-                            y[a_above] = y[a_above] + pull * s.a_above * s.a_above
-                            y[a_below] = y[a_below] + pull * s.a_below * s.a_below
-                            y[b_above] = y[b_above] + pull * s.b_above * s.b_above
-                            y[b_below] = y[b_below] + pull * s.b_below * s.b_below
+                            wp.atomic_add(y, a_above, pull * s.a_above * s.a_above)
+                            wp.atomic_add(y, a_below, pull * s.a_below * s.a_below)
+                            wp.atomic_add(y, b_above, pull * s.b_above * s.b_above)
+                            wp.atomic_add(y, b_below, pull * s.b_below * s.b_below)
                         else:
                             pull *= (
                                 s.a_above * x[a_above]
@@ -275,10 +324,17 @@ def _apply(equations: Dissipation, w: int, n: int, x: wp.array[wp.float64], y: w
                                 + s.b_above * x[b_above]
                                 + s.b_below * x[b_below]
                             )
-                            y[a_above] = y[a_above] + pull * s.a_above
-                            y[a_below] = y[a_below] + pull * s.a_below
-                            y[b_above] = y[b_above] + pull * s.b_above
-                            y[b_below] = y[b_below] + pull * s.b_below
+                            wp.atomic_add(y, a_above, pull * s.a_above)
+                            wp.atomic_add(y, a_below, pull * s.a_below)
+                            wp.atomic_add(y, b_above, pull * s.b_above)
+                            wp.atomic_add(y, b_below, pull * s.b_below)
+
+
+@wp.func
+def _apply(equations: Dissipation, w: int, n: int, x: wp.array[wp.float64], y: wp.array[wp.float64], only: int) -> None:
+    """y = (inertia + dt dissipation) x on the liquid's faces; `only` 1: its diagonal alone, x then ignored."""
+    inertia(equations, w, 0, n, x, y, only)
+    dissipate(equations, w, 0, x, y, only)
 
 
 @wp.func
@@ -316,45 +372,38 @@ def diffuse(grid: Grid, fields: Fields, viscous: Viscous, pace: Pace) -> None:
     dt = pace.dt[w]
     if dt <= ZERO or viscous.active[w] == 0:
         return
-    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
-    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
-    u = fields.velocity[w]
     x = viscous.x[w]
     r = viscous.residual[w]
-    s = viscous.search[w]
     y = viscous.product[w]
     n = viscous.n[w]
-    rows = n
-    for i in range(lo[0], hi[0]):
-        for j in range(lo[1], hi[1]):
-            for k in range(lo[2], hi[2]):
-                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
-                for a in range(3):
-                    if viscous.resistance.kind[w, a, c] == SOLID:
-                        viscous.row[w, a, c] = rows
-                        s[rows] = ZERO
-                        rows += 1
-                    if viscous.resistance.kind[w, a, c] != EMPTY:
-                        x[viscous.row[w, a, c]] = u[a, c]
     equations = Dissipation()
     equations.grid = grid
     equations.fields = fields
     equations.viscous = viscous
     equations.dt = dt
-    equations.rows = rows
     _apply(equations, w, n, x, viscous.diagonal[w], 1)
     _apply(equations, w, n, x, y, 0)
     for i in range(n):
         r[i] = viscous.mass[w, i] * x[i] - y[i]
-    enough = TOLERANCE * _misfit(equations, w, n) + wp.float64(1.0e-12)
-    viscous.iterations[w] = _solve(equations, w, n, x, r, viscous.z[w], s, y, enough, ITERATIONS)
+    enough = TOLERANCE * _misfit(equations, w, n) + LEAST
+    viscous.iterations[w] = _solve(equations, w, n, x, r, viscous.z[w], viscous.search[w], y, enough, ITERATIONS)
+
+
+@wp.kernel
+def take_velocity(grid: Grid, fields: Fields, viscous: Viscous, pace: Pace) -> None:
+    """Velocity of the liquid's faces from their rows."""
+    w, lane = wp.tid()
+    if pace.dt[w] <= ZERO or viscous.active[w] == 0:
+        return
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(lo[1], hi[1]):
-            for k in range(lo[2], hi[2]):
+        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
+            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 for a in range(3):
                     if viscous.resistance.kind[w, a, c] == LIQUID:
-                        u[a, c] = x[viscous.row[w, a, c]]
+                        fields.velocity[w, a, c] = viscous.x[w, viscous.row[w, a, c]]
 
 
 @wp.kernel
@@ -365,15 +414,15 @@ def mirror_at_walls(
 
     Only as far as viscosity reaches across a cell: a thinner boundary layer leaves the liquid beside it sliding.
     """
-    w = wp.tid()
+    w, lane = wp.tid()
     if pace.dt[w] <= ZERO or viscous.active[w] == 0:
         return
     felt = wp.min(viscous.reach[w], ONE)
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(lo[1], hi[1]):
-            for k in range(lo[2], hi[2]):
+        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
+            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 for a in range(3):
