@@ -52,14 +52,18 @@ def continue_velocity(grid: Grid, fields: Fields, layer: int, pace: Pace) -> Non
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
-    for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
-                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
-                index = wp.vec3i(i, j, k)
-                for a in range(3):
-                    if fields.known[w, a, c] > 0 or grid.wide[a] == 0:
+    for a in range(3):
+        if grid.wide[a] == 0:
+            continue
+        known = fields.known[w, a]
+        velocity = fields.velocity[w, a]
+        for i in range(lo[0], hi[0]):
+            for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
+                for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+                    c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                    if known[c] > 0:
                         continue
+                    index = wp.vec3i(i, j, k)
                     total = wp.float64(0.0)
                     count = wp.int32(0)
                     for b in range(3):
@@ -67,17 +71,19 @@ def continue_velocity(grid: Grid, fields: Fields, layer: int, pace: Pace) -> Non
                             continue
                         if index[b] > lo[b]:
                             d = c - grid.stride[b]
-                            if fields.known[w, a, d] > 0 and fields.known[w, a, d] <= layer:
-                                total += fields.velocity[w, a, d]
+                            n = known[d]
+                            if n > 0 and n <= layer:
+                                total += velocity[d]
                                 count += 1
                         if index[b] + 1 < hi[b]:
                             d = c + grid.stride[b]
-                            if fields.known[w, a, d] > 0 and fields.known[w, a, d] <= layer:
-                                total += fields.velocity[w, a, d]
+                            n = known[d]
+                            if n > 0 and n <= layer:
+                                total += velocity[d]
                                 count += 1
                     if count > 0:
-                        fields.velocity[w, a, c] = total / wp.float64(count)
-                        fields.known[w, a, c] = layer + 1
+                        velocity[c] = total / wp.float64(count)
+                        known[c] = layer + 1
 
 
 @wp.func(inline=False)
