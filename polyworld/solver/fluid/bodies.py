@@ -6,7 +6,7 @@ B^T M^-1 B, with B the pressures' wrench on it, so that bodies of any lightness 
 
 import warp as wp
 
-from polyworld.solver.fluid.layout import OPTIONS, Grid, Pace, Solids, System, Wetted
+from polyworld.solver.fluid.layout import OPTIONS, Grid, Pace, Solids, Wetted
 from polyworld.solver.fluid.stencil import ZERO
 from polyworld.solver.spatial.layout import Body
 
@@ -80,11 +80,11 @@ def reset_wrench(wetted: Wetted) -> None:
 
 
 @wp.kernel
-def gather_wrench(grid: Grid, system: System, wetted: Wetted, pace: Pace) -> None:
-    """force and torque (per metre in a plane) of the pressure on every body, added to what they are."""
+def gather_wrench(grid: Grid, pressures: wp.array2d[wp.float64], wetted: Wetted, pace: Pace) -> None:
+    """Add force and torque (per metre in a plane) of pressures on every body to what they are."""
     w, lane = wp.tid()
     if pace.dt[w] > ZERO:
-        add_wrench(grid, wetted, w, lane, system.x[w])
+        add_wrench(grid, wetted, w, lane, pressures[w])
 
 
 @wp.kernel

@@ -45,6 +45,12 @@ def _rate(grid: Grid, soft: int, w: int, pace: Pace) -> wp.float64:
     return wp.min(ONE, rate)
 
 
+@wp.func
+def drift_tolerance(grid: Grid, soft: int, w: int, pace: Pace, largest: wp.float64) -> wp.float64:
+    """Excess that may be left, where the largest is given."""
+    return wp.max(TOLERANCE * largest, NEGLIGIBLE * _rate(grid, soft, w, pace))
+
+
 @wp.kernel
 def build_drift(grid: Grid, fields: Fields, system: System, soft: int, pace: Pace) -> None:
     """Build the equations: row i is the share of the excess of content at cell i that this sub-step takes away."""
@@ -88,6 +94,7 @@ def build_drift(grid: Grid, fields: Fields, system: System, soft: int, pace: Pac
         system.x[w, i] = ZERO
     if lane == 0:
         system.x[w, system.rows] = ZERO
+        system.search[w, system.rows] = ZERO
 
 
 @wp.kernel
@@ -102,9 +109,8 @@ def solve_drift(grid: Grid, system: System, soft: int, pace: Pace) -> None:
     z = system.z[w]
     s = system.search[w]
     y = system.product[w]
-    enough = wp.max(TOLERANCE * largest(r, n), NEGLIGIBLE * _rate(grid, soft, w, pace))
+    enough = drift_tolerance(grid, soft, w, pace, largest(r, n))
     factorise(system, w, n)
-    s[system.rows] = ZERO
     _solve(system, w, n, x, r, z, s, y, enough, ITERATIONS)
 
 

@@ -128,6 +128,7 @@ def build_pressure(grid: Grid, fields: Fields, system: System, tension: Tension,
         for a in range(3):
             system.coupling[w, a, none] = ZERO
         system.x[w, none] = ZERO
+        system.search[w, none] = ZERO
 
 
 @wp.kernel
@@ -220,7 +221,6 @@ def solve_pressure(
     _multiply(equations, w, n, x, y)
     step_along(r, y, -ONE, n)
     factorise(system, w, n)
-    s[none] = ZERO
     system.iterations[w] = _solve(equations, w, n, x, r, z, s, y, enough, ITERATIONS)
 
 
