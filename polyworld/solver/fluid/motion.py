@@ -13,6 +13,7 @@ wp.set_module_options(OPTIONS)
 LAYERS = 3  # faces beyond the liquid that its velocity is continued to
 SKIN = wp.float64(0.02)  # particles keep this many edges from solids
 SHUT = wp.float64(1.0e-3)
+SLID = -1  # in place of the layer in which a face's velocity is known: it slides along a solid
 
 
 @wp.struct
@@ -124,7 +125,9 @@ def solid_at(solids: Solids, bodies: wp.array2d[Body], w: int, p: wp.vec3d, stat
 def slide_along_solids(
     grid: Grid, solids: Solids, fields: Fields, wetted: Wetted, bodies: wp.array2d[Body], pace: Pace
 ) -> None:
-    """Velocity of faces that solids shut: that of the liquid beside them, less its part into the solid.
+    """Find the velocity of faces that solids shut, that of the liquid beside them less its part into the solid.
+
+    It is left in `push`, with `known` SLID, until that of all is found.
 
     Walls of about an edge's thickness are shut at a face near their surface, on which half a cell of liquid hangs that
     the pressure at the cell's centre does not bear: force and torque of `wetted` take the momentum that it loses.
@@ -145,7 +148,8 @@ def slide_along_solids(
                     if grid.wide[a] == 0 or fields.open[w, a, c] > SHUT or fields.known[w, a, c] == 0:
                         continue
                     if grid.closed == 1 and (index[a] <= grid.lower[a] or index[a] >= grid.upper[a]):
-                        fields.velocity[w, a, c] = ZERO
+                        fields.push[w, a, c] = ZERO
+                        fields.known[w, a, c] = SLID
                         continue
                     p = centre(grid, i, j, k, a)
                     outside = wp.int32(0)
@@ -158,7 +162,8 @@ def slide_along_solids(
                     u = _velocity(grid, fields, w, p)
                     into = wp.dot(u - near.v, near.x)
                     slid = u[a] - into * near.x[a]
-                    fields.velocity[w, a, c] = slid
+                    fields.push[w, a, c] = slid
+                    fields.known[w, a, c] = SLID
                     shallow = near.distance > -wp.float64(0.49) * grid.cell
                     if near.body >= 0 and fields.mass[w, a, c] > ZERO and shallow:
                         momentum_loss = wp.vec3d()
@@ -166,6 +171,23 @@ def slide_along_solids(
                         b = near.body
                         wp.atomic_add(wetted.force, w, b, momentum_loss)
                         wp.atomic_add(wetted.torque, w, b, wp.cross(p - bodies[w, b].x, momentum_loss))
+
+
+@wp.kernel
+def take_slid(grid: Grid, fields: Fields, pace: Pace) -> None:
+    """Velocity of the faces that solids shut, once all of them are found from those of the liquid."""
+    w, lane = wp.tid()
+    if pace.dt[w] <= ZERO:
+        return
+    lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
+    hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
+    for i in range(lo[0], hi[0]):
+        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
+            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+                c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
+                for a in range(3):
+                    if fields.known[w, a, c] == SLID:
+                        fields.velocity[w, a, c] = fields.push[w, a, c]
 
 
 @wp.func

@@ -97,6 +97,7 @@ def substep(r: Records, clock: Clock) -> None:
         r.launch_lanes(motion.continue_velocity, grid, fields, layer, pace)
     r.launch_worlds(bodies.reset_wrench, wetted)
     r.launch_lanes(motion.slide_along_solids, grid, solids, fields, wetted, held, pace)
+    r.launch_lanes(motion.take_slid, grid, fields, pace)
     if r.viscous:
         r.launch_lanes(viscosity.mirror_at_walls, grid, solids, fields, r.viscosity, held, pace)
     r.launch_lanes(drift.build_drift, grid, fields, system, int(r.immersed_soft), pace)
