@@ -32,6 +32,8 @@ def load_kernels(world: World) -> None:
         unneeded |= {"attachment_ropes"}
     if fluids_alone:
         unneeded |= {"immersed"}
+    if buffers.device().is_cpu:
+        unneeded |= {"parallel"}
     if not (world.emitters or world.drains):
         unneeded |= {"sources"}
     if not (world.objects or world.statics):

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from contextvars import copy_context
 
 import numpy as np
@@ -25,6 +26,7 @@ from polyworld.solver.coupled.record import Record
 from polyworld.solver.coupled.room import Restart
 from polyworld.solver.coupled.shard import Shard
 from polyworld.trajectory import BatchTrajectory, PointMotion
+from polyworld.world.materials import material_of
 
 Array = NDArray[np.float64]
 
@@ -32,7 +34,8 @@ Array = NDArray[np.float64]
 class CoupledSimulator:
     """See `polyworld.solver.rollout.simulator`. Each thread runs a shard of the worlds; they share nothing.
 
-    On the CPU alone: contacts and liquids are gathered by kernels that rely on its threads coming one after the other.
+    Liquids, with rigid bodies, run on the device in use. Worlds with ropes, cloth or soft bodies run on the CPU:
+    contacts of nodes are gathered by kernels that rely on its threads coming one after the other.
     """
 
     def __init__(
@@ -54,16 +57,21 @@ class CoupledSimulator:
         self._table = time_table(world, self.sample_times)
         self._model = model
         self._meshes = self._model.meshes
-        count = min(n_worlds, threads or available_cores())
-        edges = np.linspace(0, n_worlds, count + 1).astype(int)
-        self._spans = [slice(int(a), int(b)) for a, b in itertools.pairwise(edges)]
-        with buffers.on_cpu():
+        self._liquids_alone = all(material_of(d).form == "liquid" for d in world.deformables)
+        with self._device():
+            count = min(n_worlds, threads or available_cores()) if buffers.threads_serve() else 1
+            edges = np.linspace(0, n_worlds, count + 1).astype(int)
+            self._spans = [slice(int(a), int(b)) for a, b in itertools.pairwise(edges)]
             self._shards = [Shard(model, self._table, s.stop - s.start, record_events) for s in self._spans]
 
     def run(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> BatchTrajectory:
         """Roll all variants out from their initial state, to the first `samples` sample times."""
-        with buffers.on_cpu():
+        with self._device():
             return self._run(overrides, samples)
+
+    def _device(self) -> AbstractContextManager[None]:
+        """Return where arrays are made and kernels run."""
+        return nullcontext() if self._liquids_alone else buffers.on_cpu()
 
     def slowest_part(self) -> str:
         """See `polyworld.solver.rollout.Simulator`."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +23,19 @@ ACCELERATORS = [d.alias for d in wp.get_devices() if not d.is_cpu]
 MATERIALS = {scene.name: scene for scene in scenes()}
 SHARED = ("rope over a pulley", "cloth", "soft body", "tap")
 RUN_ON_CUDA = ("planar", "spatial", "rigid pucks", "rigid ball")
+LIQUID_KERNELS = (
+    "bodies",
+    "covering",
+    "drift",
+    "motion",
+    "parallel",
+    "pressure",
+    "sources",
+    "surface",
+    "tension",
+    "transfer",
+    "viscosity",
+)
 WORLDS: dict[str, Callable[[], World]] = {
     "planar": lambda: six_body_world(planar=True),
     "spatial": lambda: six_body_world(planar=False),
@@ -69,6 +84,26 @@ def test_worlds_move_on_an_accelerator_as_on_the_cpu(name: str, accelerator: str
     assert accelerator != "cpu"
     np.testing.assert_allclose(there.positions, here.positions, atol=1e-9)
     np.testing.assert_allclose(there.velocities, here.velocities, atol=1e-7)
+
+
+def test_liquids_move_on_an_accelerator_as_on_the_cpu(accelerator: str) -> None:
+    """To the accuracy of their solvers: 1% of a cell."""
+    world = MATERIALS["tap"].build(False)
+    there = motion(world, 3).deformables["water"].points
+    buffers.use_device("cpu")
+    here = motion(world, 3).deformables["water"].points
+    assert accelerator != "cpu"
+    assert world.fluid_grid is not None
+    np.testing.assert_allclose(there, here, rtol=0.0, atol=1e-2 * world.fluid_grid.cell)
+
+
+@pytest.mark.benchmark
+@pytest.mark.parametrize("name", LIQUID_KERNELS)
+def test_kernels_of_liquids_compile_for_cuda(name: str, tmp_path: Path) -> None:
+    """Needs Warp's compiler, but no such device."""
+    module = wp.get_module(importlib.import_module(f"polyworld.solver.fluid.{name}").__name__)
+    wp.compile_aot_module(module, arch=80, module_dir=tmp_path)
+    assert list(tmp_path.glob("*.cubin")) or list(tmp_path.glob("*.ptx"))
 
 
 def test_populations_fit_on_an_accelerator_as_on_the_cpu(accelerator: str) -> None:
