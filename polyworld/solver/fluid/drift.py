@@ -6,13 +6,6 @@ problem like the pressure's, whose right side is the excess of content. It moves
 
 import warp as wp
 
-from polyworld.solver.fluid.conjugate_gradient import (
-    conjugate_gradients,
-    factorise,
-    largest,
-    multiply,
-    precondition,
-)
 from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, System
 from polyworld.solver.fluid.stencil import ONE, ZERO
@@ -26,14 +19,6 @@ PURE = wp.float64(0.05)  # a cell with less liquid than this belongs to a soft b
 SMALLEST = wp.float64(1.0e-12)
 TOLERANCE = wp.float64(1.0e-2)
 ITERATIONS = 50
-
-
-@wp.func
-def _misfit(system: System, w: int, n: int) -> wp.float64:
-    return largest(system.residual[w], n)
-
-
-_solve = conjugate_gradients(System, _misfit, precondition, multiply)
 
 
 @wp.func
@@ -95,23 +80,6 @@ def build_drift(grid: Grid, fields: Fields, system: System, soft: int, pace: Pac
     if lane == 0:
         system.x[w, system.rows] = ZERO
         system.search[w, system.rows] = ZERO
-
-
-@wp.kernel
-def solve_drift(grid: Grid, system: System, soft: int, pace: Pace) -> None:
-    """Conjugate gradients from no shift."""
-    w = wp.tid()
-    if pace.dt[w] <= ZERO:
-        return
-    n = system.n[w]
-    x = system.x[w]
-    r = system.residual[w]
-    z = system.z[w]
-    s = system.search[w]
-    y = system.product[w]
-    enough = drift_tolerance(grid, soft, w, pace, largest(r, n))
-    factorise(system, w, n)
-    _solve(system, w, n, x, r, z, s, y, enough, ITERATIONS)
 
 
 @wp.kernel

@@ -6,19 +6,9 @@ second order by ghost values (Enright, Nguyen, Gibou, Fedkiw 2003).
 
 import warp as wp
 
-from polyworld.solver.fluid.bodies import add_outflow, add_wrench, clear_wrench, present_motion, respond
-from polyworld.solver.fluid.conjugate_gradient import (
-    conjugate_gradients,
-    factorise,
-    largest,
-    multiply,
-    precondition,
-    step_along,
-)
 from polyworld.solver.fluid.lanes import first_cell, first_row
-from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, Solids, System, Tension, Wetted
+from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, System, Tension, Wetted
 from polyworld.solver.fluid.stencil import ONE, ZERO, gather, stencil
-from polyworld.solver.spatial.layout import Body
 
 wp.set_module_options(OPTIONS)
 
@@ -150,78 +140,6 @@ def list_touching(grid: Grid, fields: Fields, system: System, wetted: Wetted, pa
         wetted.lower[w, e] = low
         wetted.upper[w, e] = high
         wetted.touching[w, wp.atomic_add(wetted.count, w, 1)] = e
-
-
-@wp.struct
-class Coupled:
-    """The liquid's equations, and what the bodies in it need to answer pressure within dt [s]."""
-
-    system: System
-    grid: Grid
-    solids: Solids
-    wetted: Wetted
-    bodies: wp.array2d[Body]
-    dt: wp.float64
-
-
-@wp.func
-def _misfit(equations: Coupled, w: int, n: int) -> wp.float64:
-    return largest(equations.system.residual[w], n)
-
-
-@wp.func
-def _precondition(equations: Coupled, w: int, n: int) -> None:
-    precondition(equations.system, w, n)
-
-
-@wp.func
-def _multiply(equations: Coupled, w: int, n: int, x: wp.array[wp.float64], y: wp.array[wp.float64]) -> None:
-    """y = A x, with the bodies' part; x[rows] must be 0."""
-    multiply(equations.system, w, n, x, y)
-    if equations.wetted.count[w] > 0:
-        clear_wrench(equations.wetted, w)
-        add_wrench(equations.grid, equations.wetted, w, 0, x)
-        respond(equations.grid, equations.solids, equations.bodies, equations.wetted, w, equations.dt)
-        add_outflow(equations.grid, equations.wetted, w, 0, y, equations.system.rows)
-
-
-_solve = conjugate_gradients(Coupled, _misfit, _precondition, _multiply)
-
-
-@wp.kernel
-def solve_pressure(
-    grid: Grid, solids: Solids, system: System, wetted: Wetted, bodies: wp.array2d[Body], pace: Pace
-) -> None:
-    """Conjugate gradients from the last sub-step's pressure."""
-    w = wp.tid()
-    dt = pace.dt[w]
-    if dt <= ZERO:
-        return
-    n = system.n[w]
-    none = system.rows
-    x = system.x[w]
-    r = system.residual[w]
-    z = system.z[w]
-    s = system.search[w]
-    y = system.product[w]
-    equations = Coupled()
-    equations.system = system
-    equations.grid = grid
-    equations.solids = solids
-    equations.wetted = wetted
-    equations.bodies = bodies
-    equations.dt = dt
-    if wetted.count[w] > 0:
-        present_motion(bodies, wetted, w, solids.bodies)
-        for i in range(n):
-            y[i] = ZERO
-        add_outflow(grid, wetted, w, 0, y, none)
-        step_along(r, y, -ONE, n)
-    enough = TOLERANCE * largest(r, n)
-    _multiply(equations, w, n, x, y)
-    step_along(r, y, -ONE, n)
-    factorise(system, w, n)
-    system.iterations[w] = _solve(equations, w, n, x, r, z, s, y, enough, ITERATIONS)
 
 
 @wp.kernel

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any, Protocol
 import warp as wp
 
 from polyworld.core import buffers
-from polyworld.solver.fluid import bodies, drift, parallel, pressure, viscosity
+from polyworld.solver.fluid import (
+    bodies,
+    drift,
+    parallel,
+    parallel_viscosity,
+    pressure,
+    serial,
+    serial_viscosity,
+    viscosity,
+)
 
 if TYPE_CHECKING:
     from polyworld.solver.fluid.storage import Records
@@ -39,15 +48,15 @@ class Serial:
 
     def diffuse(self, r: Records) -> None:
         """See `Solvers`."""
-        r.launch_worlds(viscosity.diffuse, r.grid, r.fields, r.viscosity, r.pace)
+        r.launch_worlds(serial_viscosity.diffuse, r.grid, r.fields, r.viscosity, r.pace)
 
     def project(self, r: Records) -> None:
         """See `Solvers`."""
-        r.launch_worlds(pressure.solve_pressure, r.grid, r.solids, r.system, r.wetted, r.bodies, r.pace)
+        r.launch_worlds(serial.solve_pressure, r.grid, r.solids, r.system, r.wetted, r.bodies, r.pace)
 
     def spread(self, r: Records) -> None:
         """See `Solvers`."""
-        r.launch_worlds(drift.solve_drift, r.grid, r.system, int(r.immersed_soft), r.pace)
+        r.launch_worlds(serial.solve_drift, r.grid, r.system, int(r.immersed_soft), r.pace)
 
 
 class Parallel:
@@ -64,13 +73,13 @@ class Parallel:
         solve = self._solve(v, 1)
 
         def multiply(x: Any, y: Any, only: int) -> None:
-            r.launch_lanes(parallel.multiply_mass, r.grid, r.fields, v, x, y, only, r.pace)
-            r.launch_lanes(parallel.add_dissipation, r.grid, r.fields, v, x, y, only, r.pace)
+            r.launch_lanes(parallel_viscosity.multiply_mass, r.grid, r.fields, v, x, y, only, r.pace)
+            r.launch_lanes(parallel_viscosity.add_dissipation, r.grid, r.fields, v, x, y, only, r.pace)
 
         r.launch_worlds(parallel.begin_solve, solve)
         multiply(v.x, v.diagonal, 1)
         multiply(v.x, v.product, 0)
-        r.launch_lanes(parallel.find_imbalance, r.grid, v)
+        r.launch_lanes(parallel_viscosity.find_imbalance, r.grid, v)
         r.launch_lanes(parallel.weigh_residual, r.grid, solve)
         r.launch_worlds(parallel.set_tolerance, solve, viscosity.TOLERANCE, viscosity.LEAST)
         _iterate(r, solve, lambda: multiply(v.search, v.product, 0), viscosity.ITERATIONS)

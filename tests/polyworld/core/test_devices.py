@@ -29,6 +29,7 @@ LIQUID_KERNELS = (
     "drift",
     "motion",
     "parallel",
+    "parallel_viscosity",
     "pressure",
     "sources",
     "surface",
