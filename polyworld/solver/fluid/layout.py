@@ -44,13 +44,17 @@ class Grid:
 
 @wp.struct
 class Particles:
-    """(W, P): position, velocity, velocity gradient (APIC), fluid (-1 where absent). used (W,): rows ever filled."""
+    """(W, P): position, velocity, velocity gradient (APIC), fluid (-1 where absent). used (W,): rows ever filled.
+
+    free (W,): all rows below it are filled.
+    """
 
     x: wp.array2d[wp.vec3d]
     v: wp.array2d[wp.vec3d]
     gradient: wp.array2d[wp.mat33d]
     fluid: wp.array2d[wp.int32]
     used: wp.array[wp.int32]
+    free: wp.array[wp.int32]
     volume: wp.float64
 
 

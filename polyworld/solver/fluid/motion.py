@@ -298,6 +298,7 @@ def move_particles(
                 v[a] = wp.min(v[a], ZERO)
         if gone == 1:
             particles.fluid[w, p] = -1
+            wp.atomic_min(particles.free, w, p)
             continue
         g = (x - grid.origin) / grid.cell
         c = wp.int32(0)

@@ -121,6 +121,7 @@ class FluidSolver:
             buffers.write(p.v, v, np.s_[:, :seeded])
             buffers.write(p.fluid, np.repeat(np.arange(len(counts)), counts), np.s_[:, :seeded])
         buffers.fill(p.used, seeded)
+        buffers.fill(p.free, seeded)
         buffers.clear(self.records.fields.pressure)
         buffers.fill(self.records.pace.diverged, -1)
         buffers.clear(self.records.pace.halted)

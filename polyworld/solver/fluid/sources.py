@@ -122,10 +122,11 @@ def emit_and_drain(
                     inside = 0
             if inside == 1:
                 particles.fluid[w, p] = -1
+                particles.free[w] = wp.min(particles.free[w], p)
                 sources.drained[w, d] = sources.drained[w, d] + 1
                 if limited == 1:
                     sources.allowed[w, d] = sources.allowed[w, d] - ONE
-    row = wp.int32(0)
+    row = particles.free[w]
     capacity = particles.x.shape[1]
     for e in range(sources.emitters):
         on = opening(sources, e, t, h)
@@ -161,3 +162,4 @@ def emit_and_drain(
             sources.emitted[w, e] = sources.emitted[w, e] + 1
             due -= ONE
         sources.due[w, e] = due
+    particles.free[w] = row

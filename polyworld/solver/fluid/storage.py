@@ -65,7 +65,7 @@ def particle_arrays(grid: layout.Grid, worlds: int, rows: int) -> layout.Particl
     p = layout.Particles()
     p.x, p.v = zeros((worlds, rows), wp.vec3d), zeros((worlds, rows), wp.vec3d)
     p.gradient, p.fluid = zeros((worlds, rows), wp.mat33d), zeros((worlds, rows), wp.int32)
-    p.used = zeros((worlds,), wp.int32)
+    p.used, p.free = zeros((worlds,), wp.int32), zeros((worlds,), wp.int32)
     p.volume = grid.volume / layout.PER_AXIS ** (3 if grid.thin < 0 else 2)
     return p
 
