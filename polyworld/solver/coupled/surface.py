@@ -99,6 +99,8 @@ class SurfacePairs:
         number = np.arange(len(edges))
         starts = np.array([number[owners == d].min(initial=len(edges)) for d in range(len(rope))])
         pairs.place_in_chain = buffers.ints(number - starts[owners])
+        threaded = {p.rope for p in world.pulleys}
+        pairs.over_wheels = buffers.ints([int(d.name in threaded) for d in world.deformables])
         pairs.segment = buffers.array(lengths, wp.float64)
         pairs.longest = float(lengths[kept].max(initial=0.0))
         pairs.skin = SKIN * float(np.median(lengths))

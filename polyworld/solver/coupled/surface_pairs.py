@@ -21,6 +21,7 @@ MARGIN = wp.constant(wp.float64(1.5))  # on the distance that things move in a s
 # the corners of a triangle, the middles of two edges.
 RING = wp.constant(wp.float64(1.2))
 EDGE_RING = wp.constant(wp.float64(1.5))
+PASSING = 3  # segments between two of a rope that a node's passage over a wheel can bring together
 WIDEST = wp.constant(wp.float64(2.2))  # margin for what is quick, per least margin
 DEEPEST = wp.constant(wp.float64(0.25))  # of a triangle's size: a node deeper in a solid than this is ignored
 
@@ -34,7 +35,7 @@ class Pairs:
     positions in the unloaded shape. faces, crossings, sides (W, P): listed pairs (node, triangle), (edge, edge) and
     (node, side), their number (W,). listed_x (W, N): at the last listing, that had margin (W,); fastest (W,): of all,
     beside their mean motion. due (W,): 1 where the lists must be rebuilt. chain (E,): which rope an edge belongs to,
-    or -1, and place_in_chain its number in it; segment (E,): its length.
+    or -1, and place_in_chain its number in it; segment (E,): its length. over_wheels (D,): 1 for ropes over pulleys.
     """
 
     node: wp.array[wp.int32]
@@ -56,6 +57,7 @@ class Pairs:
     chain: wp.array[wp.int32]
     place_in_chain: wp.array[wp.int32]
     segment: wp.array[wp.float64]
+    over_wheels: wp.array[wp.int32]
     longest: wp.float64  # edge among those that the grid holds
     skin: wp.float64  # least margin
     thickest: wp.float64  # radius
@@ -220,6 +222,29 @@ def list_sides(nodes: Nodes, surface: Surface, pairs: Pairs, grid: Grid, found: 
                 list_pair(pairs.sides, pairs.side_count, found.overflowed, w, n, t)
 
 
+@wp.func
+def run_together(x: wp.array2d[wp.vec3d], surface: Surface, pairs: Pairs, w: int, e: int, f: int) -> bool:
+    """Check whether two edges of a rope over pulleys are too near each other along it to touch.
+
+    Its segments give rope to the wheels and take it from them: the rope between is as long as it is now. Nodes that
+    pass a wheel bring two segments with them, and the rope on the wheel runs elsewhere than the segment across it.
+    """
+    d = pairs.chain[e]
+    if d < 0 or pairs.chain[f] != d or pairs.over_wheels[d] == 0:
+        return False
+    low = wp.min(e, f) + 1
+    high = wp.max(e, f)
+    if high - low < PASSING:
+        return True
+    thick = wp.float64(1.6) * (surface.radius[surface.edges[e, 0]] + surface.radius[surface.edges[f, 0]])
+    length = wp.float64(0.0)
+    for k in range(low, high):
+        length += wp.length(x[w, surface.edges[k, 1]] - x[w, surface.edges[k, 0]])
+        if length > thick:
+            return False
+    return True
+
+
 @wp.kernel
 def list_crossings(nodes: Nodes, surface: Surface, bounds: Bounds, pairs: Pairs, grid: Grid, found: Found) -> None:
     """Edges near each edge. Those of one rope count where the rope between them is longer than thick."""
@@ -380,6 +405,8 @@ def take_pairs(clock: Clock, nodes: Nodes, surface: Surface, pairs: Pairs, bodie
         n1 = surface.edges[e, 1]
         m0 = surface.edges[f, 0]
         m1 = surface.edges[f, 1]
+        if run_together(x, surface, pairs, w, e, f):
+            continue
         st = closest_on_segments(x[w, n0], x[w, n1], x[w, m0], x[w, m1])
         away = x[w, n0] + (x[w, n1] - x[w, n0]) * st[0] - x[w, m0] - (x[w, m1] - x[w, m0]) * st[1]
         u = v[w, n0] + (v[w, n1] - v[w, n0]) * st[0] - v[w, m0] - (v[w, m1] - v[w, m0]) * st[1]

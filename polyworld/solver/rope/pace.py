@@ -10,7 +10,7 @@ import warp as wp
 
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.rope.layout import Ropes, RopeState
-from polyworld.solver.rope.wheels import NEAREST, on_wheel
+from polyworld.solver.rope.wheels import BEYOND, NEAREST, on_wheel
 from polyworld.solver.spatial.layout import OPTIONS
 
 wp.set_module_options(OPTIONS)
@@ -29,6 +29,7 @@ def fastest_swing(ropes: Ropes, state: RopeState, inverse_mass: wp.array2d[wp.fl
     order = first + r
     row = w % inverse_mass.shape[0]
     highest = wp.float64(0.0)
+    thinnest = ropes.segment_length[r]  # length of a segment next to which rope bends
     before = wp.float64(0.0)
     shortest = wp.float64(0.05) * ropes.segment_length[r]
     for k in range(state.elements[w, r] - 1):
@@ -41,6 +42,8 @@ def fastest_swing(ropes: Ropes, state: RopeState, inverse_mass: wp.array2d[wp.fl
                 length -= wp.float64(0.5) * on_wheel(ropes, state, w, p)
         if not (length > shortest):  # not a number where the rate is not known
             length = shortest
+        if ropes.wheels[r] > 0:
+            thinnest = wp.min(thinnest, wp.max(length, BEYOND * ropes.segment_length[r]))
         after = wp.max(state.mean_tension[w, first + k], wp.float64(0.0)) / length
         if k > 0:
             a = state.order[w, order + k]
@@ -52,7 +55,8 @@ def fastest_swing(ropes: Ropes, state: RopeState, inverse_mass: wp.array2d[wp.fl
     density = ropes.linear_density[w % ropes.linear_density.shape[0], r]
     bending = ropes.bending_stiffness[w % ropes.bending_stiffness.shape[0], r]
     cell = ropes.segment_length[r] * ropes.segment_length[r]
-    return wp.float64(2.0) * highest + wp.float64(16.0) * bending / (density * cell * cell)
+    short = thinnest / ropes.segment_length[r]
+    return wp.float64(2.0) * highest + wp.float64(16.0) * bending / (density * cell * cell * short * short)
 
 
 @wp.kernel

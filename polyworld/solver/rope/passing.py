@@ -4,15 +4,12 @@ import warp as wp
 
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.rope.layout import Ropes, RopeState
-from polyworld.solver.rope.wheels import NEAREST, on_wheel, push_wheel
+from polyworld.solver.rope.wheels import BEYOND, NEAREST, on_wheel, push_wheel
 from polyworld.solver.spatial.layout import OPTIONS
 
 wp.set_module_options(OPTIONS)
 
 
-# A node passes a wheel where it is NEAREST to it, and goes on this far beyond it, over a segment's length: a nearer
-# one would swing across the rope faster than the inner step resolves.
-BEYOND = wp.constant(wp.float64(0.15))
 LEAST_PART = wp.constant(wp.float64(0.02))  # straight rope that no node or flow takes from a link, over a segment's
 
 
@@ -82,19 +79,31 @@ def pass_node(ropes: Ropes, state: RopeState, nodes: Nodes, h: wp.float64, w: in
     i = ropes.first_node[r] + node
     rotation = wp.quat_from_axis_angle(wheel.axis, wp.max(wheel.wrap, wp.float64(0.0)) * wp.float64(-side))
     k = first + wheel.index - 1  # the link before the wheel
-    away = state.direction[w, k + 1]
     tangent = wheel.leaves
     far = k + 1  # the link that is cut in two
     if side > 0:
-        away = -state.direction[w, k]
         tangent = wheel.arrives
         far = k
-    stiffness = ropes.stretch_stiffness[w % ropes.stretch_stiffness.shape[0], r]
-    stretch = wp.float64(1.0) + state.tension[w, far] / stiffness
+    tangent = tangent + wheel.velocity * h
+    following = element_at(state, ropes, w, r, wheel.index - side)
+    span = wp.vec3d()
+    if following >= 0:
+        span = nodes.x[w, ropes.first_node[r] + following] - tangent
+    else:
+        other = state.wheels[w, ropes.first_wheel[r] - 1 - following]
+        span = wp.where(side > 0, other.leaves, other.arrives) + other.velocity * h - tangent
+    length = wp.length(span)
+    away = span / wp.max(length, wp.float64(1.0e-12))
+    # Both parts of the link that is cut have the strain that it has now, so that the cut costs no energy.
+    arc = wp.float64(0.5) * on_wheel(ropes, state, w, p)
+    whole = length + arc
+    if following < 0:
+        whole += wp.float64(0.5) * on_wheel(ropes, state, w, ropes.first_wheel[r] - 1 - following)
+    stretch = wp.max(whole / state.rest[w, far], wp.float64(1.0))
     # Half of the way to the next node where that has come near, too.
-    room = wp.float64(0.5) * straight_rest(ropes, state, w, r, p, far) * stretch
+    room = wp.float64(0.5) * wp.min(straight_rest(ropes, state, w, r, p, far) * stretch, length)
     beyond = wp.min(BEYOND * ropes.segment_length[r], room)
-    near = (wp.float64(0.5) * on_wheel(ropes, state, w, p) + beyond) / stretch
+    near = (arc + beyond) / stretch
     if side < 0:
         state.rest[w, k - 1] = state.rest[w, k - 1] + state.rest[w, k]
         state.rest[w, k + 1] = state.rest[w, k + 1] - near
@@ -103,7 +112,7 @@ def pass_node(ropes: Ropes, state: RopeState, nodes: Nodes, h: wp.float64, w: in
         state.rest[w, k + 2] = state.rest[w, k + 2] + state.rest[w, k + 1]
         state.rest[w, k] = state.rest[w, k] - near
         state.rest[w, k + 1] = near
-    nodes.x[w, i] = tangent + wheel.velocity * h + away * beyond
+    nodes.x[w, i] = tangent + away * beyond
     before = nodes.v[w, i]
     nodes.v[w, i] = wheel.velocity + wp.quat_rotate(rotation, before - wheel.velocity)
     share = nodes.inverse_mass[w % nodes.inverse_mass.shape[0], i]
@@ -150,6 +159,8 @@ def pass_wheels(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> N
             if side > 0:
                 tangent = state.wheels[w, p].leaves
             left = wp.dot(n, tangent + state.wheels[w, p].velocity * h - nodes.x[w, i])
+            # A node that flies up to the wheel ahead of slack rope stays before it: the rope between has yet to flow.
+            left = wp.max(left, straight_rest(ropes, state, w, r, p, link))
             if left >= NEAREST * ropes.segment_length[r]:
                 continue
             # One that was brought here and goes on does not turn back.

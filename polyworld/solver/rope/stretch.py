@@ -16,6 +16,7 @@ from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.rope.ends import end_node, join_end, prepare_end, push_end
 from polyworld.solver.rope.layout import Ropes, RopeState
 from polyworld.solver.rope.wheels import (
+    is_off,
     judge_wheel,
     mobility_along,
     move_carrier,
@@ -325,6 +326,10 @@ def solve_tensions(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -
         if state.wheels[w, p].index >= 0:
             state.wheels[w, p].speed = wheel_speed(state, w, p, first + state.wheels[w, p].index - 1, h)
     apply_tensions(ropes, state, nodes, w, r, h)
+    for p in range(first_wheel, last_wheel):
+        if state.wheels[w, p].index >= 0 and not is_off(ropes, state, w, p):
+            for half in range(2):
+                keep_outside(ropes, state, nodes, h, w, r, p, 2 * half - 1)
     calm_overloaded(ropes, state, nodes, w, r, h)
 
 
@@ -370,6 +375,33 @@ def apply_tensions(ropes: Ropes, state: RopeState, nodes: Nodes, w: int, r: int,
             nodes.v[w, i] = nodes.v[w, i] + impulse * nodes.inverse_mass[row, i]
         before = after
     push_end(ropes, state, nodes.v, w, r, 1, -before)
+
+
+@wp.func
+def keep_outside(
+    ropes: Ropes, state: RopeState, nodes: Nodes, h: wp.float64, w: int, r: int, p: int, side: int
+) -> None:
+    """Stop the inner node next to a wheel, before it (side -1) or after it, where it would go into it.
+
+    Taut rope runs past the rim; a slack one may fall on it.
+    """
+    element = state.order[w, ropes.first_link[r] + r + state.wheels[w, p].index + side]
+    if element <= 0 or element == ropes.nodes[r] - 1:
+        return
+    i = ropes.first_node[r] + element
+    share = nodes.inverse_mass[w % nodes.inverse_mass.shape[0], i]
+    out = nodes.x[w, i] - state.wheels[w, p].centre
+    out = out - state.wheels[w, p].axis * wp.dot(state.wheels[w, p].axis, out)
+    distance = wp.length(out)
+    if share <= wp.float64(0.0) or distance < wp.float64(1.0e-9):
+        return
+    n = out / distance
+    room = wp.max(distance - ropes.wheel_radius[p], wp.float64(0.0))
+    approach = -wp.dot(n, nodes.v[w, i] - state.wheels[w, p].velocity) - room / h
+    if approach > wp.float64(0.0):
+        impulse = n * (approach / (share + wp.dot(n, state.wheels[w, p].mobility * n)))
+        nodes.v[w, i] = nodes.v[w, i] + impulse * share
+        push_wheel(ropes, state, w, p, -impulse)
 
 
 @wp.func

@@ -19,9 +19,15 @@ wp.set_module_options(OPTIONS)
 
 SKIPPED = wp.constant(wp.float64(0.125))  # mean length that a node skips on each side of a wheel, over a segment's
 NEAREST = wp.constant(wp.float64(0.1))  # distance from a wheel at which a node passes it, over a segment's
+# A node passes a wheel where it is NEAREST to it, and goes on this far beyond it, over a segment's length: a nearer
+# one would swing across the rope faster than the inner step resolves.
+BEYOND = wp.constant(wp.float64(0.15))
 # Least mass of rope that moves with a wheel, over a segment's: that whose weight acts there. A lighter one would be
 # thrown about by this weight where the rope is slack.
 LEAST_INERTIA = wp.constant(wp.float64(0.25))
+# Mass that moves with a wheel from which the rope has come off, over the least one that lies on it: next to none, so
+# that the tensions on both sides are equal.
+LOOSE = wp.constant(wp.float64(1.0e-6))
 NEAR_ENDS = wp.constant(wp.float64(0.05))  # part of a straight line next to its ends, that no wheel divides it in
 
 
@@ -55,6 +61,28 @@ def touch(centre: wp.vec3d, axis: wp.vec3d, radius: wp.float64, point: wp.vec3d,
     cosine = wp.min(radius / distance, wp.float64(1.0))
     sine = side * wp.sqrt(wp.float64(1.0) - cosine * cosine)
     return radial * cosine + wp.cross(axis, radial) * sine
+
+
+@wp.func
+def wheel_centre(ropes: Ropes, state: RopeState, w: int, p: int) -> wp.vec3d:
+    """Return where a wheel's centre now is."""
+    b = ropes.wheel_body[p]
+    if b < 0:
+        return ropes.wheel_centre[p]
+    return state.bodies[w, b].x + state.bodies[w, b].rotation * ropes.wheel_centre[p]
+
+
+@wp.func
+def rim_point(ropes: Ropes, state: RopeState, w: int, p: int, point: wp.vec3d, side: int) -> wp.vec3d:
+    """Return where the line from a point now touches a wheel: side 1 arrives, -1 leaves; the centre of an eye."""
+    b = ropes.wheel_body[p]
+    centre = wheel_centre(ropes, state, w, p)
+    axis = ropes.wheel_axis[p]
+    if b >= 0:
+        axis = state.bodies[w, b].rotation * axis
+    if ropes.wheel_radius[p] <= wp.float64(0.0):
+        return centre
+    return centre + touch(centre, axis, ropes.wheel_radius[p], point, wp.float64(side)) * ropes.wheel_radius[p]
 
 
 @wp.func
@@ -124,10 +152,17 @@ def place_wheels(
             wheel.arrives = wheel.centre + radial_in * radius
             wheel.leaves = wheel.centre + radial_out * radius
             if wheel.wrap <= wp.float64(0.0):
+                if wheel.mode == 0:
+                    wheel.mode = 1  # nothing holds it there
                 span = end - begin
                 part = wp.dot(wheel.centre - begin, span) / wp.max(wp.length_sq(span), wp.float64(1.0e-24))
-                wheel.arrives = begin + span * wp.clamp(part, NEAR_ENDS, wp.float64(1.0) - NEAR_ENDS)
+                part = wp.clamp(part, NEAR_ENDS, wp.float64(1.0) - NEAR_ENDS)
+                wheel.arrives = begin + span * part
                 wheel.leaves = wheel.arrives
+                # Its two links are one: they have the same strain, wherever the wheel's nearest point divides them.
+                both = state.rest[w, k] + state.rest[w, k + 1]
+                state.rest[w, k] = both * part
+                state.rest[w, k + 1] = both - both * part
         else:
             wheel.arrives = wheel.centre
             wheel.leaves = wheel.centre
@@ -168,10 +203,14 @@ def turn_wheel(
         state.wheels[w, p].inverse_mass = zero
         state.wheels[w, p].drive = zero
         return
+    if is_off(ropes, state, w, p):
+        state.wheels[w, p].inverse_mass = one / (LOOSE * moved_mass(ropes, state, w, r, p))
+        state.wheels[w, p].drive = state.wheels[w, p].begin
+        return
     mass = moved_mass(ropes, state, w, r, p)
-    force = hidden_weight(ropes, state, gravity, w, r, p)
+    force = hidden_weight(ropes, state, gravity, w, r, p) + state.wheels[w, p].push
     damping = zero
-    if slides(ropes, p) or is_off(ropes, state, w, p):
+    if slides(ropes, p):
         ratio = belt_ratio(ropes, state, w, p)
         if mode > 0:
             state.wheels[w, p].weight_in = ratio
@@ -271,7 +310,7 @@ def judge_wheel(
             return 1
         return 0
     mass = moved_mass(ropes, state, w, r, p)
-    force = hidden_weight(ropes, state, gravity, w, r, p)
+    force = hidden_weight(ropes, state, gravity, w, r, p) + state.wheels[w, p].push
     least = zero  # excess of the pull over the resistance, one way and the other
     if is_belt:
         force += mass * wheel.begin / h
