@@ -10,6 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from polyworld.core import buffers
 from polyworld.model import model_of
 from polyworld.solver.coupled.nodes import Clock
 from polyworld.solver.fluid.solver import FluidSolver
@@ -75,11 +76,13 @@ class Run:
 
     def advance(self, duration: float, *, held: bool = False) -> Iterator[float]:
         """Step until `duration` from now has passed, yielding the time after each; held: bodies do not move."""
+        with buffers.capture() as captured:
+            self.fluid.step(self.clock)
         for _ in range(round(duration / self.step)):
             if self.world.objects and not held:
                 self._move_bodies()
             self.clock.time.numpy()[:] = self.time
-            self.fluid.step(self.clock)
+            buffers.replay(captured.graph)
             self.time += self.step
             yield self.time
 
