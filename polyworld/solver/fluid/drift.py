@@ -80,6 +80,8 @@ def build_drift(grid: Grid, fields: Fields, system: System, soft: int, pace: Pac
     if lane == 0:
         system.x[w, system.rows] = ZERO
         system.search[w, system.rows] = ZERO
+        system.residual[w, system.rows] = ZERO
+        system.diagonal[w, system.rows] = ONE
 
 
 @wp.kernel

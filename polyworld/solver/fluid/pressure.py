@@ -119,6 +119,8 @@ def build_pressure(grid: Grid, fields: Fields, system: System, tension: Tension,
             system.coupling[w, a, none] = ZERO
         system.x[w, none] = ZERO
         system.search[w, none] = ZERO
+        system.residual[w, none] = ZERO
+        system.diagonal[w, none] = ONE
 
 
 @wp.kernel

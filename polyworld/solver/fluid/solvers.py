@@ -22,9 +22,9 @@ from polyworld.solver.fluid import (
 if TYPE_CHECKING:
     from polyworld.solver.fluid.storage import Records
 
-# Most iterations with the diagonal as preconditioner for one with the incomplete factor: for 200 to 5,000 unknowns it
-# takes 2 to 7 times as many.
-PER_ITERATION = 10
+# Most iterations with Jacobi sweeps as preconditioner for one with the incomplete factor: for 200 to 5,000 unknowns
+# they take 1 to 4 times as many.
+PER_ITERATION = 6
 
 
 class Solvers(Protocol):
@@ -82,7 +82,11 @@ class Parallel:
         r.launch_lanes(parallel_viscosity.find_imbalance, r.grid, v)
         r.launch_lanes(parallel.weigh_residual, r.grid, solve)
         r.launch_worlds(parallel.set_tolerance, solve, viscosity.TOLERANCE, viscosity.LEAST)
-        _iterate(r, solve, lambda: multiply(v.search, v.product, 0), viscosity.ITERATIONS)
+
+        def precondition() -> None:
+            r.launch_lanes(parallel.precondition_by_diagonal, r.grid, solve)
+
+        _iterate(r, solve, lambda: multiply(v.search, v.product, 0), precondition, viscosity.ITERATIONS)
 
     def project(self, r: Records) -> None:
         """See `Solvers`."""
@@ -107,7 +111,7 @@ class Parallel:
         r.launch_worlds(parallel.set_tolerance, solve, pressure.TOLERANCE, 0.0)
         multiply(s.x)
         r.launch_lanes(parallel.subtract_product, r.grid, solve)
-        _iterate(r, solve, lambda: multiply(s.search), PER_ITERATION * pressure.ITERATIONS)
+        _iterate(r, solve, lambda: multiply(s.search), _of_cells(r, solve), PER_ITERATION * pressure.ITERATIONS)
 
     def spread(self, r: Records) -> None:
         """See `Solvers`."""
@@ -117,12 +121,15 @@ class Parallel:
         r.launch_worlds(parallel.begin_solve, solve)
         r.launch_lanes(parallel.weigh_residual, r.grid, solve)
         r.launch_worlds(parallel.set_drift_tolerance, r.grid, solve, int(r.immersed_soft), r.pace)
-        most = PER_ITERATION * drift.ITERATIONS
-        _iterate(r, solve, lambda: r.launch_lanes(parallel.multiply_cells, r.grid, s, s.search), most)
+
+        def multiply() -> None:
+            r.launch_lanes(parallel.multiply_cells, r.grid, s, s.search)
+
+        _iterate(r, solve, multiply, _of_cells(r, solve), PER_ITERATION * drift.ITERATIONS)
 
     def _solve(self, equations: Any, by_diagonal: int) -> Any:
         solve = parallel.Solve()
-        for name in ("n", "x", "residual", "search", "product", "diagonal", "iterations"):
+        for name in ("n", "x", "residual", "z", "search", "product", "diagonal", "iterations"):
             setattr(solve, name, getattr(equations, name))
         for name, values in self._sums.items():
             setattr(solve, name, values)
@@ -133,15 +140,22 @@ class Parallel:
 _SUMS = ("misfit", "enough", "rho", "fresh", "ratio", "curvature")
 
 
-def _iterate(r: Records, solve: Any, multiply: Callable[[], None], most: int) -> None:
+def _of_cells(r: Records, solve: Any) -> Callable[[], None]:
+    """Return what launches the preconditioner of equations of cells."""
+    return lambda: r.launch_lanes(parallel.precondition_cells, r.grid, r.system, solve)
+
+
+def _iterate(r: Records, solve: Any, multiply: Callable[[], None], precondition: Callable[[], None], most: int) -> None:
     def iteration() -> None:
         r.launch_lanes(parallel.turn_search, r.grid, solve)
         multiply()
         r.launch_lanes(parallel.find_curvature, r.grid, solve)
         r.launch_lanes(parallel.step_along_search, r.grid, solve)
+        precondition()
         r.launch_worlds(parallel.choose_search, solve, most)
 
     r.launch_lanes(parallel.weigh_residual, r.grid, solve)
+    precondition()
     r.launch_worlds(parallel.choose_search, solve, most)
     wp.capture_while(solve.more, iteration)
 
