@@ -10,7 +10,7 @@ import warp as wp
 from polyworld.solver.coupled.nodes import Clock, Nodes
 from polyworld.solver.rope.ends import end_node, point_velocity, push_body, twist_body
 from polyworld.solver.rope.layout import Ropes, RopeState
-from polyworld.solver.rope.wheels import BEYOND, is_off, on_wheel, rim_point, wheel_centre
+from polyworld.solver.rope.wheels import is_off, rim_point
 from polyworld.solver.spatial.layout import OPTIONS
 
 wp.set_module_options(OPTIONS)
@@ -124,95 +124,66 @@ def lightness(nodes: Nodes, ropes: Ropes, w: int, r: int, element: int) -> wp.fl
 
 
 @wp.struct
-class Segment:
-    """A straight part of a rope at a bend.
+class Run:
+    """Rope between two nodes over and past wheels: its way and how taut it is.
 
-    t: direction. length: for levers [m], negative where it runs from wheel to wheel. share: of a bend with it that
-    counts, 1 but for slack rope next to a wheel; slackening: gradient of that at its head, negated [1/m]. material:
-    its rest length.
+    a, b: the nodes. t_a, t_b: directions at them, along the rope. share: q^4 where the way is only q < 1 times the rope
+    along it, else 1. Slack rope is not straight: bends with it count by that share.
     """
 
-    t: wp.vec3d
-    length: wp.float64
+    a: int
+    b: int
+    t_a: wp.vec3d
+    t_b: wp.vec3d
+    way: wp.float64
     share: wp.float64
-    slackening: wp.vec3d
-    material: wp.float64
-    slack: int
-    at_wheel: int  # 1 where it begins or ends at a wheel, or runs past one
 
 
 @wp.func
-def segment_between(
-    ropes: Ropes,
-    state: RopeState,
-    x: wp.array2d[wp.vec3d],
-    w: int,
-    r: int,
-    a: int,
-    b: int,
-    material: wp.float64,
-    loose: int,
-) -> Segment:
-    """Return the segment from an element to the next.
-
-    loose: 1 where it runs past a wheel that it has come off. Slack rope next to a wheel is not straight: the less so,
-    the shorter the way is, q, over the rope along it. Bends with it count by q^4.
-    """
-    s = Segment()
-    s.length = wp.float64(-1.0)
-    s.share = wp.float64(1.0)
-    if a < 0 and b < 0:
-        return s
-    cell = ropes.segment_length[r]
-    span = span_between(ropes, state, x, w, r, a, b)
-    length = wp.length(span)
-    s.t = span / wp.max(length, wp.float64(1.0e-12))
-    if a >= 0 and b >= 0 and loose == 0:
-        s.length = wp.max(length, cell * wp.float64(0.1))
-        return s
-    s.at_wheel = 1
-    s.length = wp.max(length, cell * wp.float64(1.0e-3))
-    if loose == 0:
-        material -= wp.float64(0.5) * on_wheel(ropes, state, w, ropes.first_wheel[r] - 1 - wp.min(a, b))
-    s.material = wp.max(material, BEYOND * cell)
-    q = length / s.material
-    if q < wp.float64(1.0):
-        one = wp.float64(1.0)
-        s.slack = 1
-        s.share = q * q * q * q
-        gradient = s.t
-        if loose == 0:
-            # The point where the rope touches the wheel moves with the node, and takes rope along.
-            node = wp.max(a, b)
-            p = ropes.first_wheel[r] - 1 - wp.min(a, b)
-            out = (x[w, ropes.first_node[r] + node] - wheel_centre(ropes, state, w, p)) / s.length
-            if b < 0:
-                out = -out
-            gradient = gradient * q + out * (one - q)
-        s.slackening = gradient * (wp.float64(-4.0) * q * q * q / s.material)
-    return s
+def run_from(ropes: Ropes, state: RopeState, x: wp.array2d[wp.vec3d], w: int, r: int, index: int) -> Run:
+    """Return the run that begins at an element, a node."""
+    run = Run()
+    order = ropes.first_link[r] + r
+    run.a = state.order[w, order + index]
+    at = run.a  # the element before that the rope touches
+    material = wp.float64(0.0)
+    e = index
+    while e == index or state.order[w, order + e] < 0:
+        material += state.rest[w, ropes.first_link[r] + e]
+        e += 1
+        k = state.order[w, order + e]
+        if k < 0 and is_off(ropes, state, w, ropes.first_wheel[r] - 1 - k):
+            continue
+        span = wp.vec3d()
+        if at < 0 and k < 0:
+            span = state.wheels[w, ropes.first_wheel[r] - 1 - k].arrives
+            span -= state.wheels[w, ropes.first_wheel[r] - 1 - at].leaves
+        else:
+            span = span_between(ropes, state, x, w, r, at, k)
+        run.way += wp.length(span)
+        t = wp.normalize(span)
+        if at == run.a:
+            run.t_a = t
+        run.t_b = t
+        if k < 0:
+            p = ropes.first_wheel[r] - 1 - k
+            run.way += ropes.wheel_radius[p] * state.wheels[w, p].wrap
+        at = k
+        run.b = k
+    run.share = wp.min(run.way / material, wp.float64(1.0))
+    run.share = run.share * run.share * run.share * run.share
+    return run
 
 
 @wp.func
-def push_flow(
-    ropes: Ropes,
-    state: RopeState,
-    w: int,
-    r: int,
-    i: int,
-    k: int,
-    first: Segment,
-    second: Segment,
-    energy: wp.float64,
+def tighten(
+    ropes: Ropes, state: RopeState, nodes: Nodes, w: int, r: int, run: Run, energy: wp.float64, h: wp.float64
 ) -> None:
-    """Add the force on the flow of rope over the wheels next to a bend: slack that flows in straightens it [N]."""
-    four = wp.float64(4.0)
-    if i < 0 and first.slack == 1:
-        p = ropes.first_wheel[r] - 1 - i
-        state.wheels[w, p].push = state.wheels[w, p].push + four * energy / first.material
-    if k < 0 and second.slack == 1:
-        p = ropes.first_wheel[r] - 1 - k
-        state.wheels[w, p].push = state.wheels[w, p].push - four * energy / second.material
+    """Add the tension of a slack run by which a bend with it loses energy as it gets shorter."""
+    if run.share < wp.float64(1.0):
+        pull = wp.float64(4.0) * energy / wp.max(run.way, wp.float64(1.0e-3) * ropes.segment_length[r])
+        push(ropes, state, nodes.f, w, r, run.a, run.t_a * pull, h)
+        push(ropes, state, nodes.f, w, r, run.b, -run.t_b * pull, h)
 
 
 @wp.kernel
@@ -231,67 +202,82 @@ def bend(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> None:
         return
     if ropes.curved[r] == 1:
         return
-    for p in range(ropes.first_wheel[r], ropes.first_wheel[r] + ropes.wheels[r]):
-        state.wheels[w, p].push = wp.float64(0.0)
     one = wp.float64(1.0)
+    zero = wp.float64(0.0)
     damping = ropes.bending_damping[w % ropes.bending_damping.shape[0], r]
     rest = ropes.segment_length[r]
     order = ropes.first_link[r] + r
     elements = wp.int32(0)  # so far
     i = wp.int32(0)  # the elements before
     j = wp.int32(0)
-    first = Segment()  # the two at j
-    second = Segment()
-    material = wp.float64(0.0)  # rest length since j
-    loose = wp.int32(0)  # 1 where a wheel that the rope has come off lies there
+    t1 = wp.vec3d()
+    length1 = -one  # of the segment before, negative where it is not there or runs from wheel to wheel
+    share1 = one
+    runs1 = wp.int32(0)  # 1 where it is part of a run
+    run = Run()
+    before = Run()  # that which ends at j
+    since = wp.int32(0)  # index of j
     for e in range(state.elements[w, r]):
         k = state.order[w, order + e]
-        if e > 0:
-            material += state.rest[w, ropes.first_link[r] + e - 1]
         if k < 0 and is_off(ropes, state, w, ropes.first_wheel[r] - 1 - k):
-            loose = 1
             continue
         if elements > 0:
-            second = segment_between(ropes, state, x, w, r, j, k, material, loose)
-            if j >= 0 and first.length > wp.float64(0.0) and second.length > wp.float64(0.0):
-                c = wp.dot(first.t, second.t)
-                both = one / first.length + one / second.length
+            t2 = wp.vec3d()
+            length2 = -one
+            share2 = one
+            runs2 = wp.int32(0)
+            if j < 0 or k < 0 or e > since + 1:
+                runs2 = 1
+                if j >= 0:
+                    run = run_from(ropes, state, x, w, r, since)
+                share2 = run.share
+            if j >= 0 or k >= 0:
+                span = span_between(ropes, state, x, w, r, j, k)
+                length2 = wp.length(span)
+                t2 = span / wp.max(length2, wp.float64(1.0e-12))
+                length2 = wp.max(length2, rest * wp.float64(0.1))
+            if j >= 0 and length1 > zero and length2 > zero:
+                c = wp.dot(t1, t2)
+                both = one / length1 + one / length2
                 mobility = (
-                    lightness(nodes, ropes, w, r, i) / (first.length * first.length)
+                    lightness(nodes, ropes, w, r, i) / (length1 * length1)
                     + lightness(nodes, ropes, w, r, j) * (both * both)
-                    + lightness(nodes, ropes, w, r, k) / (second.length * second.length)
+                    + lightness(nodes, ropes, w, r, k) / (length2 * length2)
                 )
-                at_wheel = first.at_wheel + second.at_wheel > 0
-                stiff = stiffness * (first.share * second.share)
+                stiff = stiffness * (share1 * share2)
+                at_wheel = runs1 + runs2 > 0
                 slope = stiff / rest
                 if not at_wheel:
                     slope = bend_slope(stiff, rest, c)
                 slope = slope * resolved(stiff, rest, wp.where(at_wheel, one, c), mobility, h)
                 # Force on the head of each segment: the energy falls as the cosine grows.
-                f1 = (second.t - first.t * c) * (slope / first.length)
-                f2 = (first.t - second.t * c) * (slope / second.length)
-                if damping > wp.float64(0.0):
+                f1 = (t2 - t1 * c) * (slope / length1)
+                f2 = (t1 - t2 * c) * (slope / length2)
+                if damping > zero:
                     rate = wp.min(stiff * damping / rest, OVERDAMPED / (h * wp.max(mobility, TINY)))
                     u1 = velocity_of(ropes, state, v, w, r, j) - velocity_of(ropes, state, v, w, r, i)
                     u2 = velocity_of(ropes, state, v, w, r, k) - velocity_of(ropes, state, v, w, r, j)
-                    torque = damping_torque(rate, first.t, second.t, u1, u2, first.length, second.length)
-                    f1 = f1 + couple(torque, first.t, first.length)
-                    f2 = f2 - couple(torque, second.t, second.length)
-                if at_wheel:
-                    energy = slope * (one - c)
-                    f1 = f1 + first.slackening * (energy / wp.max(first.share, TINY))
-                    f2 = f2 + second.slackening * (energy / wp.max(second.share, TINY))
-                    push_flow(ropes, state, w, r, i, k, first, second, energy)
+                    torque = damping_torque(rate, t1, t2, u1, u2, length1, length2)
+                    f1 = f1 + couple(torque, t1, length1)
+                    f2 = f2 - couple(torque, t2, length2)
                 push(ropes, state, nodes.f, w, r, i, -f1, h)
                 push(ropes, state, nodes.f, w, r, j, f1, h)
                 push(ropes, state, nodes.f, w, r, j, -f2, h)
                 push(ropes, state, nodes.f, w, r, k, f2, h)
-            first = second
+                if runs1 == 1:
+                    tighten(ropes, state, nodes, w, r, before, slope * (one - c), h)
+                if runs2 == 1:
+                    tighten(ropes, state, nodes, w, r, run, slope * (one - c), h)
+            t1 = t2
+            length1 = length2
+            share1 = share2
+            runs1 = runs2
+        if k >= 0:
+            before = run
+            since = e
         i = j
         j = k
         elements += 1
-        material = wp.float64(0.0)
-        loose = 0
 
 
 @wp.func

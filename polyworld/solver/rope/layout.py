@@ -85,7 +85,6 @@ class Wheel:
     lag: wp.vec3d  # by which its motion in the step is slower than its velocity at the end
     mobility: wp.mat33d  # of the centre: velocity per impulse, of the carrier
     inverse_mass: wp.float64  # of the wheel's turning, seen at the rope
-    push: wp.float64  # force of bends on the flow of slack rope [N]
     drive: wp.float64  # speed without tensions at the end of the inner step
     weight_in: wp.float64  # share with which the tension before it acts on its turning
     weight_out: wp.float64

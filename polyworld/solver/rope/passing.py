@@ -104,6 +104,9 @@ def pass_node(ropes: Ropes, state: RopeState, nodes: Nodes, h: wp.float64, w: in
     room = wp.float64(0.5) * wp.min(straight_rest(ropes, state, w, r, p, far) * stretch, length)
     beyond = wp.min(BEYOND * ropes.segment_length[r], room)
     near = (arc + beyond) / stretch
+    if whole < state.rest[w, far]:
+        # Slack stays next to the wheel, where rope does not push.
+        near = state.rest[w, far] - (length - beyond)
     if side < 0:
         state.rest[w, k - 1] = state.rest[w, k - 1] + state.rest[w, k]
         state.rest[w, k + 1] = state.rest[w, k + 1] - near
@@ -172,6 +175,16 @@ def pass_wheels(clock: Clock, nodes: Nodes, ropes: Ropes, state: RopeState) -> N
                     run_off(ropes, state, w, r, p)
             else:
                 far = first + index - half
-                if straight_rest(ropes, state, w, r, p, far) > LEAST_PART * ropes.segment_length[r]:
+                following = element_at(state, ropes, w, r, index - side)
+                is_free = straight_rest(ropes, state, w, r, p, far) > LEAST_PART * ropes.segment_length[r]
+                if following >= 0:  # no room for a node where the next one is as near
+                    tangent = wp.where(side > 0, state.wheels[w, p].arrives, state.wheels[w, p].leaves)
+                    room = wp.length(nodes.x[w, ropes.first_node[r] + following] - tangent)
+                    is_free = is_free and room > NEAREST * ropes.segment_length[r]
+                    # Slack rope bends where it will: a node in it would make it straight, of energy out of nothing.
+                    if ropes.bending_stiffness[w % ropes.bending_stiffness.shape[0], r] > wp.float64(0.0):
+                        room += wp.float64(0.5) * on_wheel(ropes, state, w, p)
+                        is_free = is_free and room > state.rest[w, far]
+                if is_free:
                     pass_node(ropes, state, nodes, h, w, r, p, side)
             break

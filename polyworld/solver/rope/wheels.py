@@ -208,7 +208,7 @@ def turn_wheel(
         state.wheels[w, p].drive = state.wheels[w, p].begin
         return
     mass = moved_mass(ropes, state, w, r, p)
-    force = hidden_weight(ropes, state, gravity, w, r, p) + state.wheels[w, p].push
+    force = hidden_weight(ropes, state, gravity, w, r, p)
     damping = zero
     if slides(ropes, p):
         ratio = belt_ratio(ropes, state, w, p)
@@ -310,7 +310,7 @@ def judge_wheel(
             return 1
         return 0
     mass = moved_mass(ropes, state, w, r, p)
-    force = hidden_weight(ropes, state, gravity, w, r, p) + state.wheels[w, p].push
+    force = hidden_weight(ropes, state, gravity, w, r, p)
     least = zero  # excess of the pull over the resistance, one way and the other
     if is_belt:
         force += mass * wheel.begin / h
