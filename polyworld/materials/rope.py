@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 # Angle that a segment may span on a drum [rad]: the polygon then lies within 1.2% of the radius of the circle.
 TURN = 0.3
 STEEPEST = 1.5  # half an angle between links that counts [rad]: a fold has no finite curvature
-UNSEEN = 0.01  # strain allowed for in a rope that runs over pulleys, whose arcs have no nodes
 
 PARAMETERS = {
     "linear_density": ParameterSpec("kg/m", 1e-6, 1e5, (0.01, 1.0), "mass per rest length"),
@@ -89,13 +88,11 @@ def _stored(world: World, rope: Rope, mesh: DeformableMesh) -> float:
     rest = float(mesh.measure.sum())
     links = np.diff(mesh.nodes, axis=0)
     lengths = np.linalg.norm(links, axis=1)
-    pulleys = [p for p in world.pulleys if p.rope == rope.name]
+    thread = threading(world, rope)
     strains = lengths * len(lengths) / rest - 1.0
-    if pulleys:
-        around = sum(2.0 * np.pi * p.radius for p in pulleys)
-        stretched = (float(lengths.sum()) + around) / rest - 1.0 if rope.length is not None else 0.0
-        strains = np.array([max(stretched, UNSEEN)])
-    cell = rest / len(lengths)
+    if thread.pulleys:  # their arcs have no nodes
+        rest, strains = float(thread.rest.sum()), np.array([thread.stretch - 1.0])
+    cell = thread.segment_length
     total = 0.5 * rope.stretch_stiffness * rest * float(np.mean(np.maximum(strains, 0.0) ** 2))
     # A link that is pushed together bears its Euler load at most (`solver.rope.stretch`).
     total += np.pi**2 * rope.bending_stiffness / cell**2 * float(np.maximum(cell - lengths, 0.0).sum())

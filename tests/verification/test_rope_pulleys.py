@@ -7,6 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from polyworld import World
+from polyworld.model.rope import threading
+from polyworld.solver.energy_sources import stored_energy
+from polyworld.solver.energy_watch import balance
 from tests.verification.rope_world import Array, G, ball, held, rope, run, world
 
 RADIUS = 0.1
@@ -216,3 +219,26 @@ def test_rope_thrown_off_its_wheel_comes_back_without_gaining_energy() -> None:
     energy = energy[:, 1:-1].mean(axis=1)
     assert np.ptp(motion.points[:, 10, 2]) > 0.03
     assert energy.max() < energy[0] + 0.1  # of the 0.5 J/kg that it was thrown with
+
+
+@pytest.mark.parametrize(("strain", "bending"), [(0.06, 0.0), (0.0, 1.0)])
+def test_rope_over_three_pulleys_gains_no_energy(strain: float, bending: float) -> None:
+    """Two loads on a rope over a high, a low and a high pulley: thrown up as it starts stretched, or a stiff rope."""
+    wheels = [
+        {"name": n, "rope": "rope", "centre": [x, 0, z], "radius": 0.05, "after": k, "turns_positive": k != 1}
+        for k, (n, x, z) in enumerate((("a", -0.5, 1.0), ("b", 0.0, 0.6), ("c", 0.5, 1.0)))
+    ]
+    points = [[-0.56, 0, 0.2], [-0.25, 0, 0.8], [0.25, 0, 0.8], [0.56, 0, 0.3]]
+    more: dict[str, Any] = {"linear_density": 0.05, "stretch_stiffness": 1e4, "bending_stiffness": bending}
+    parts: dict[str, Any] = {
+        "objects": [ball("left", points[0], 1.0), ball("right", points[-1], 1.5)],
+        "attachments": [held("start", "left"), held("end", "right")],
+        "pulleys": wheels,
+    }
+    scene = world(rope(points, 40, **more), **parts)
+    length = float(threading(scene, scene.of_form("line")[0]).rest.sum()) / (1.0 + strain)
+    stored = 0.5 * 1e4 * strain**2 * length
+    scene = world(rope(points, 40, length=length, **more), **parts)
+    kinetic, excess, _ = balance(scene, run(scene, 0.6, 0.01)[0])
+    gained = excess + stored_energy(scene) - stored
+    assert gained.max() < 0.02 * (stored + kinetic.sum(axis=1).max())

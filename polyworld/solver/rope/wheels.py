@@ -8,6 +8,8 @@ the square of the difference in strain between two neighbouring links. A rope th
 fallen to zero, runs straight by, without friction, until it lies on it again.
 """
 
+import math
+
 import warp as wp
 
 from polyworld.solver.coupled.nodes import Nodes
@@ -28,6 +30,8 @@ LEAST_INERTIA = wp.constant(wp.float64(0.25))
 # Mass that moves with a wheel from which the rope has come off, over the least one that lies on it: next to none, so
 # that the tensions on both sides are equal.
 LOOSE = wp.constant(wp.float64(1.0e-6))
+RETURNS = wp.constant(wp.float64(0.5 * math.pi))  # wrap up to which rope can come back on a wheel in one step [rad]
+TURN = wp.constant(wp.float64(2.0 * math.pi))
 NEAR_ENDS = wp.constant(wp.float64(0.05))  # part of a straight line next to its ends, that no wheel divides it in
 
 
@@ -141,6 +145,11 @@ def place_wheels(
             advance_out = turned_by(wheel.axis, wheel.radial_out, radial_out)
             was_off = state.wheels[w, p].wrap <= wp.float64(0.0)
             wheel.wrap = wheel.wrap + advance_out - advance_in
+            if was_off:
+                # Nodes that pass turn the tangent points by anything: only a wrap that begins counts.
+                wheel.wrap = turned_by(wheel.axis, radial_in, radial_out)
+                if wheel.wrap > RETURNS:
+                    wheel.wrap -= TURN
             if was_off and wheel.wrap > wp.float64(0.0):
                 wheel.speed = wheel.speed * caught(ropes, w, r, p)
             # The middle of the arc divides it between two links: where it moves on, so does the division.

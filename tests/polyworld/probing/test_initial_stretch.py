@@ -1,0 +1,21 @@
+"""Ropes that start stretched: strain and tension against the length of their way."""
+
+import numpy as np
+import pytest
+
+from polyworld.probing.initial_stretch import initial_stretches
+from tests.verification.rope_world import held, rope, world
+
+
+def test_a_rope_shorter_than_its_way_is_reported_with_its_tension() -> None:
+    way = 2.0 + 0.1 * np.pi
+    wheel = {"name": "wheel", "rope": "rope", "centre": [0, 0, 0], "radius": 0.1, "after": 0}
+    ends = [held("start"), held("end")]
+    for points, pulleys, length in (([[-0.1, 0, -1], [0.1, 0, -1]], [wheel], way), ([[0, 0, 0], [3, 0, 0]], [], 3.0)):
+        cord = rope(points, 20, stretch_stiffness=2e4, length=length / 1.062)
+        (found,) = initial_stretches(world(cord, attachments=ends, pulleys=pulleys))
+        assert (found.strain, found.tension, found.way) == pytest.approx((0.062, 1240.0, length), rel=1e-6)
+        assert "'rope' starts stretched by 6.2 %, with a tension of 1.24e+03 N" in found.in_words()
+        for slack in (length / 1.005, 1.1 * length, None):
+            cord = rope(points, 20, length=slack)
+            assert initial_stretches(world(cord, attachments=ends, pulleys=pulleys)) == ()
