@@ -14,7 +14,7 @@ def add_device(parser: argparse.ArgumentParser) -> None:
         "--device",
         action=_Choose,
         metavar="DEVICE",
-        help="where worlds of rigid bodies are simulated: cpu (the default), cuda, cuda:0, ...; others stay on the CPU",
+        help="where rigid bodies and liquids are simulated: cpu (the default), cuda, ...; other worlds stay on the CPU",
     )
 
 
