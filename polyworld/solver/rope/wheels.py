@@ -160,6 +160,14 @@ def place_wheels(
             wheel.radial_out = radial_out
             wheel.arrives = wheel.centre + radial_in * radius
             wheel.leaves = wheel.centre + radial_out * radius
+            if was_off and wheel.wrap > wp.float64(0.0):
+                # It comes back as taut on one side as on the other.
+                half = wp.float64(0.5) * radius * wheel.wrap
+                into = wp.length(wheel.arrives - begin) + half
+                out = wp.length(end - wheel.leaves) + half
+                both = state.rest[w, k] + state.rest[w, k + 1]
+                state.rest[w, k] = both * into / (into + out)
+                state.rest[w, k + 1] = both - state.rest[w, k]
             if wheel.wrap <= wp.float64(0.0):
                 if wheel.mode == 0:
                     wheel.mode = 1  # nothing holds it there
