@@ -41,8 +41,7 @@ from atw_mcp.worlds.warnings import fluid_warnings
 from atw_mcp.worlds.world_files import world_of_file
 from evidence_store import Case
 from polyworld.data.tracks import ObservedTracks
-from polyworld.model.resolution import resolution_notes
-from polyworld.probing.initial_stretch import initial_stretches
+from polyworld.model.notes import model_notes
 from polyworld.world import Effect, MotionPlane, StaticObject, TimeBase, World
 from polyworld.world.shapes import Box, Cylinder, Plane, Sphere, TriangleMesh, Wall
 
@@ -387,8 +386,7 @@ def _from_document(app: App, case: Case, document: dict[str, Any] | str, patienc
 
 def _kept_document(app: App, case: Case, made: World, left_out: tuple[str, ...]) -> Answer:
     with explained("DescribeTool(tool='BuildWorld', argument='world') gives the schema of a world"):
-        stretched = (s.in_words() for s in initial_stretches(made))
-        warned = (*fluid_warnings(made), *resolution_notes(made), *stretched)
+        warned = (*fluid_warnings(made), *model_notes(made))
     record = app.store.cases.observations(case.id, "tracks")
     observation = record[0][1] if record else None
     app.keep_world(case, made, how="given", observation=observation)

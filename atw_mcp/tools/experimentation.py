@@ -35,8 +35,7 @@ from atw_mcp.worlds.rollouts import (
 from atw_mcp.worlds.sizes import check_additions, check_sizes
 from evidence_store import Case
 from polyworld.edits.interventions import Add, Intervention, branch
-from polyworld.model.resolution import resolution_notes
-from polyworld.probing.initial_stretch import initial_stretches
+from polyworld.model.notes import model_notes
 from polyworld.probing.overlaps import overlaps
 from polyworld.probing.query import sampled_every
 from polyworld.trajectory import Rollout
@@ -262,10 +261,7 @@ def _rollout_answer(
     if inside:
         rest = f", and {len(inside) - 3} pairs more" if len(inside) > 3 else ""
         summary += f". Warning: {'; '.join(o.in_words() for o in inside[:3])}{rest}. The engine pushes them apart"
-    stretched = initial_stretches(world)
-    if stretched:
-        summary += f". Warning: {'; '.join(s.in_words() for s in stretched)}"
-    for note in filter(None, (result.why_no_contacts(), *resolution_notes(world))):
+    for note in filter(None, (result.why_no_contacts(), *model_notes(world))):
         summary += f" Note: {note}"
     return Answer(
         summary=summary,

@@ -18,7 +18,7 @@ from atw_mcp.worlds.warnings import fluid_warnings, without_covering_walls
 from polyworld.data.initial_states import initial_states, with_initial_states
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit import with_supports
-from polyworld.model.resolution import resolution_notes
+from polyworld.model.notes import model_notes
 from polyworld.world import Effect, Environment, MotionPlane, StaticObject, TimeBase, World
 from polyworld.world.camera import Camera
 from polyworld.world.description import Appearance
@@ -189,7 +189,7 @@ def build_world(
         camera=camera,
     )
     check_sizes(world, limits)
-    notes += [*fluid_warnings(world), *resolution_notes(world), *_overruled(names, given)]
+    notes += [*fluid_warnings(world), *model_notes(world), *_overruled(names, given)]
     if names:
         tracked = tracks.select(names)
         world = with_supports(with_initial_states(world, tracked), tracked)

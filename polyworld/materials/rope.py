@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 # Angle that a segment may span on a drum [rad]: the polygon then lies within 1.2% of the radius of the circle.
 TURN = 0.3
+TIGHT = 0.01  # strain from which on it is hardly meant: strings and cables are tightened by less
 STEEPEST = 1.5  # half an angle between links that counts [rad]: a fold has no finite curvature
 
 PARAMETERS = {
@@ -64,11 +65,11 @@ def _reach(world: World, item: Rope, mesh: DeformableMesh) -> Any:
     return np.concatenate([mesh.nodes, round_wheels(threading(world, item))])
 
 
-def _coarse(world: World, rope: Rope, mesh: DeformableMesh) -> list[str]:
-    """State the drums that its segments are too long to follow."""
+def _notes(world: World, rope: Rope, mesh: DeformableMesh) -> list[str]:
+    """State the drums that its segments are too long to follow, and how far it starts stretched."""
     held = {a.to for a in world.attachments if a.object == rope.name}
     length = _size(world, rope, mesh)
-    found = []
+    found = _stretched(world, rope)
     bodies: list[RigidObject | StaticObject] = [*world.objects, *world.statics]
     for item in bodies:
         if not isinstance(item.shape, Cylinder | Capsule) or item.name in held:
@@ -82,6 +83,22 @@ def _coarse(world: World, rope: Rope, mesh: DeformableMesh) -> list[str]:
                 "follow it"
             )
     return found
+
+
+def _stretched(world: World, rope: Rope) -> list[str]:
+    if rope.length is None:
+        return []
+    thread = threading(world, rope)
+    strain = thread.stretch - 1.0
+    if not thread.pulleys:
+        strain = float(np.linalg.norm(np.diff(thread.nodes, axis=0), axis=1).sum()) / rope.length - 1.0
+    if strain <= TIGHT:
+        return []
+    return [
+        f"rope {rope.name} starts stretched by {100.0 * strain:.2g} %, with a tension of "
+        f"{rope.stretch_stiffness * strain:.3g} N: give it length {rope.length * (1.0 + strain):.4g} (or none, for a "
+        "start without tension), or shorten its way"
+    ]
 
 
 def _stored(world: World, rope: Rope, mesh: DeformableMesh) -> float:
@@ -124,6 +141,6 @@ MATERIAL = Material(
     facts=_facts,
     size=_size,
     reach=_reach,
-    coarse=_coarse,
+    notes=_notes,
     stored=_stored,
 )

@@ -45,7 +45,7 @@ def _moved(item: dict[str, Any], place: Place, _turn: Any) -> None:
     item["position"] = place(item["position"])
 
 
-def _coarse(_world: World, item: Soft, mesh: DeformableMesh) -> list[str]:
+def _notes(_world: World, item: Soft, mesh: DeformableMesh) -> list[str]:
     """State how far its flat faces lie inside a round surface."""
     from polyworld.model.soft import edge_length
 
@@ -78,5 +78,5 @@ MATERIAL = Material(
     kernels="polyworld.solver.soft",
     moved=_moved,
     turns=True,
-    coarse=_coarse,
+    notes=_notes,
 )

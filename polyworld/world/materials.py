@@ -58,7 +58,7 @@ class Material:
     facts: (world, item, mesh) -> what an inspection adds to size, mass and counts.
     size: (world, item, mesh) -> length, area or volume without forces.
     reach: (world, item, mesh) -> points (k, 3) that span where it starts [m].
-    coarse: (world, item, mesh) -> what its mesh is too coarse for, and the number that resolves it.
+    notes: (world, item, mesh) -> what of its mesh or start is doubtful, and the number that cures it.
     stored: (world, item, mesh) -> elastic energy at its start, or somewhat more [J].
     color: of objects whose appearance names none; None for one of the palette. opacity: in plan views, 0 to 1.
     """
@@ -79,7 +79,7 @@ class Material:
     facts: Callable[[World, Any, DeformableMesh], dict[str, Any]] = lambda _world, _item, _mesh: {}
     size: Callable[[World, Any, DeformableMesh], float] = lambda _world, _item, mesh: float(mesh.measure.sum())
     reach: Callable[[World, Any, DeformableMesh], Any] = lambda _world, _item, mesh: mesh.nodes
-    coarse: Callable[[World, Any, DeformableMesh], list[str]] = lambda _world, _item, _mesh: []
+    notes: Callable[[World, Any, DeformableMesh], list[str]] = lambda _world, _item, _mesh: []
     stored: Callable[[World, Any, DeformableMesh], float] = lambda _world, _item, _mesh: 0.0
     color: str | None = None
     opacity: float = 1.0

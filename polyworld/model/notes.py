@@ -1,4 +1,4 @@
-"""Find meshes and cells that are too coarse for what they carry, and the number that would resolve it."""
+"""Find what is doubtful about meshes, cells and starts, and the number that would cure it."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Array = NDArray[np.float64]
 CELLS = 5.0
 
 
-def resolution_notes(world: World) -> tuple[str, ...]:
-    """Say what is under-resolved: bodies in coarse liquids, ropes on drums, round soft bodies of few elements."""
+def model_notes(world: World) -> tuple[str, ...]:
+    """State what is under-resolved or starts stretched, a sentence each."""
     model = model_of(world)
     found = _in_liquid(world)
     for item in world.deformables:
-        found += model.materials[item.name].coarse(world, item, model.mesh(item.name))
+        found += model.materials[item.name].notes(world, item, model.mesh(item.name))
     return tuple(found)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from polyworld import World
-from polyworld.model.resolution import resolution_notes
+from polyworld.model.notes import model_notes
 
 
 def soft(resolution: float | None) -> dict[str, Any]:
@@ -44,7 +44,7 @@ def pool(cell: float) -> dict[str, Any]:
     ids=["soft ball", "rope on a drum", "body in water"],
 )
 def test_a_coarse_world_says_what_resolves_it(coarse: dict[str, Any], advice: str, fine: dict[str, Any]) -> None:
-    notes = resolution_notes(World.model_validate(coarse))
+    notes = model_notes(World.model_validate(coarse))
     assert len(notes) == 1
     assert advice in notes[0]
-    assert resolution_notes(World.model_validate(fine)) == ()
+    assert model_notes(World.model_validate(fine)) == ()
