@@ -24,8 +24,7 @@ def set_margins(scene: wp.array[Scene], bodies: wp.array[Bodies], step: Step) ->
         v = bodies[0].rate[step.w, i]
         push = bodies[0].push[step.w, i]
         speed = wp.sqrt(v[0] * v[0] + v[1] * v[1]) + wp.length(push) * step.whole
-        bodies[0].path[step.w, i] = ZERO
-        bodies[0].margin[step.w, i] = HALF * scene[0].skin + STEPS * speed * step.whole
+        bodies[0].room[step.w, i] = wp.vec2d(ZERO, HALF * scene[0].skin + STEPS * speed * step.whole)
 
 
 @wp.func(inline=False)
@@ -51,7 +50,7 @@ def find_near(scene: wp.array[Scene], bodies: wp.array[Bodies], contacts: wp.arr
             for b in range(a + 1, n + scene[0].statics):
                 if scene[0].collides[a, b] != 0:
                     gap = FAR
-                    reach = bodies[0].margin[w, a]
+                    reach = bodies[0].room[w, a][1]
                     if b >= n and scene[0].first[b + 1] == scene[0].first[b]:
                         pb = bodies[0].static_pose[w, b - n]
                         gap = pb[0] * pa[0] + pb[1] * pa[1] - pb[2] - scene[0].bound[a]
@@ -60,7 +59,7 @@ def find_near(scene: wp.array[Scene], bodies: wp.array[Bodies], contacts: wp.arr
                         pb = wp.vec3d()
                         if b < n:
                             pb = bodies[0].pose[w, b]
-                            reach += bodies[0].margin[w, b]
+                            reach += bodies[0].room[w, b][1]
                             joined = scene[0].schedule.joins[b] <= step.segment
                         else:
                             pb = bodies[0].static_pose[w, b - n]
@@ -156,23 +155,24 @@ def discs(scene: wp.array[Scene], a: wp.int32, b: wp.int32) -> bool:
 @wp.func(inline=False)
 def find_rows(
     scene: wp.array[Scene], bodies: wp.array[Bodies], contacts: wp.array[Contacts], samples: Samples, step: Step
-) -> Step:
+) -> wp.vec3i:
     """Make the contact rows of the members' pairs that touch, or nearly; begin with the impulses of their last rows.
 
     The part of all bodies writes to the other half of the rows; a later part replaces the rows of its island.
+    Returns which half of the rows is this step's, how many it has, and how many are of this part.
     """
     w = step.w
     slot = step.slot
-    half = step.half
+    half = wp.int32(step.half)
+    rows = wp.int32(step.rows)
+    active = wp.int32(0)
     from_half = wp.int32(half)
     if step.everyone == 1:
         half = 1 - half
-        step.half = half
-        step.rows = 0
+        rows = wp.int32(0)
     n = scene[0].bodies
     capacity = contacts[0].rows.shape[2]
     reach = step.reach
-    step.active = 0
     for k in range(step.near):
         pair = contacts[0].near[slot, k]
         a = pair[0]
@@ -182,9 +182,9 @@ def find_rows(
             own = wp.int32(1)
             if b < n:
                 own = bodies[0].member[w, b]
-        path = bodies[0].path[w, a]
+        path = bodies[0].room[w, a][0]
         if b < n:
-            path += bodies[0].path[w, b]
+            path += bodies[0].room[w, b][0]
         nearer = contacts[0].near_gap[slot, k] - path <= reach
         if own == 1 and (nearer or contacts[0].row_at[slot, k] >= 0):
             # What the pair's last rows hold, before they are replaced.
@@ -220,9 +220,9 @@ def find_rows(
                     if last < 0:
                         # Room for as many points as the pair may ever touch with.
                         most = wp.where(discs(scene, a, b), 1, 2)
-                        if step.rows + most <= capacity:
-                            last = step.rows
-                            step.rows = step.rows + most
+                        if rows + most <= capacity:
+                            last = rows
+                            rows += most
                             contacts[0].rows[slot, half, last + most - 1].touching = -1
                         else:
                             if samples.outcome.overflowed[w] == 0:
@@ -239,8 +239,8 @@ def find_rows(
                         row.slot = k
                         row.span = step.h
                         contacts[0].rows[slot, half, last + j] = row
-                        contacts[0].active[slot, step.active] = last + j
-                        step.active = step.active + 1
+                        contacts[0].active[slot, active] = last + j
+                        active += 1
                     for j in range(wp.min(last_count, 2 * count)):
                         arm = wp.where(j == 0, first_arm, second_arm)
                         target = last
@@ -253,7 +253,7 @@ def find_rows(
                         ].force + wp.where(j == 0, first_force, second_force)
             contacts[0].row_at[slot, k] = last
             contacts[0].row_count[slot, k] = count
-    return step
+    return wp.vec3i(half, rows, active)
 
 
 @wp.func
@@ -276,5 +276,9 @@ def find_contacts(
     step.active = 0
     if step.everyone == 1 and step.slack > step.reach:  # nothing is near, nor was in the last step
         step.rows = 0
-        return step
-    return find_rows(scene, bodies, contacts, samples, step)
+    else:
+        found = find_rows(scene, bodies, contacts, samples, step)
+        step.half = found[0]
+        step.rows = found[1]
+        step.active = found[2]
+    return step

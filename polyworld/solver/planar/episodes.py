@@ -49,8 +49,8 @@ def record_last_contacts(
     step: Step,
 ) -> None:
     """Record what touches at the end of a run, so that it is seen to go on."""
-    step = find_rows(references.scene, references.bodies, references.contacts, samples, step)
-    for r in range(step.rows):
-        row = contacts.rows[step.slot, step.half, r]
+    found = find_rows(references.scene, references.bodies, references.contacts, samples, step)
+    for r in range(found[1]):
+        row = contacts.rows[step.slot, found[0], r]
         if row.touching == 1:
             record_touch(log, step.w, touch_of(bodies, step.w, row, step.time, ZERO))

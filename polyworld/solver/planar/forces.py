@@ -6,7 +6,7 @@ from polyworld.effects import Motion
 from polyworld.solver.core.effect_forces import effect_forces, half_step
 from polyworld.solver.planar.contact_effects import set_plane_friction
 from polyworld.solver.planar.motion import unheld_rate
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, References, Samples, Scene, Step
+from polyworld.solver.planar.records import Bodies, Contacts, References, Samples, Scene, Step
 from polyworld.solver.planar.rows import row_velocity
 
 wp.set_module_options({"enable_backward": False})
@@ -15,6 +15,7 @@ ZERO = wp.float64(0.0)
 HALF = wp.float64(0.5)
 ONE = wp.float64(1.0)
 TWO = wp.float64(2.0)
+FAR = wp.float64(1.0e30)
 ABSURD = wp.float64(1.0e6)  # [m/s]; initial speeds are bounded by 1e5
 SLOWEST = wp.float64(1.0e-4)  # a body that parts faster than this and its push gives in a step is in the air [m/s]
 
@@ -63,30 +64,26 @@ def find_push(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.f
 
 
 @wp.func
-def find_pushes(
-    scene: Scene, bodies: Bodies, joints: Joints, references: References, samples: Samples, step: Step
-) -> Step:
-    """Find what pushes each member, and the strongest of it; stop a world of which one is too fast."""
+def find_pushes(scene: Scene, bodies: Bodies, references: References, samples: Samples, step: Step) -> wp.float64:
+    """Find what pushes each member; return the greatest acceleration, FAR where one is too fast."""
     w = step.w
     if scene.contact_laws > 0:
         set_plane_friction(references.scene, references.bodies, w, step.members, step.h)
     heaviest = ZERO
+    absurd = wp.int32(0)
     for m in range(step.members):
         i = bodies.members[w, m]
         v = bodies.rate[w, i]
         push = find_push(scene, bodies, w, i, step.time, step.h)
         bodies.push[w, i] = push
-        bodies.next_rate[w, i] = v
-        bodies.coupled[w, i] = joints.hinged[i]
         if not (v[0] * v[0] + v[1] * v[1] < ABSURD * ABSURD and wp.abs(v[2]) < ABSURD * wp.float64(100.0)):
-            if step.diverged == 0:
+            if absurd == 0:
                 samples.outcome.diverged_object[w] = i
-            step.diverged = 1
+            absurd = wp.int32(1)
             if samples.outcome.overflowed[w] == 0:
                 samples.outcome.diverged_time[w] = step.time
         heaviest = wp.max(heaviest, push[0] * push[0] + push[1] * push[1])
-    step.heaviest = wp.sqrt(heaviest)
-    return step
+    return wp.where(absurd == 1, FAR, wp.sqrt(heaviest))
 
 
 @wp.func
@@ -125,7 +122,11 @@ def renew_pushes(scene: Scene, bodies: Bodies, contacts: Contacts, references: R
     for m in range(step.members):
         i = bodies.members[w, m]
         changed = bodies.touching[w, i] == 1 or bodies.touching[w, i] == 2
-        if bodies.coupled[w, i] == 1 and wp.length_sq(bodies.next_rate[w, i] - bodies.rate[w, i]) > ZERO:
+        if (
+            step.islands > 0
+            and bodies.coupled[w, i] == 1
+            and wp.length_sq(bodies.next_rate[w, i] - bodies.rate[w, i]) > ZERO
+        ):
             bodies.rate[w, i] = bodies.next_rate[w, i]
             changed = True
         if changed:

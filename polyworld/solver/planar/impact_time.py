@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from polyworld.solver.planar.motion import pose_at, rate_at, still
+from polyworld.solver.planar.motion import pose_at, rate_at
 from polyworld.solver.planar.records import Bodies, Contacts, References, Scene, Step
 from polyworld.solver.planar.rows import point_velocity, pushed_along, row_velocity, slow_approach
 from polyworld.solver.planar.separation import Manifold, find_manifold
@@ -139,9 +139,9 @@ def first_touch(
         offset = gap - HALF * scene.touch
         if time == step.begin:
             if step.everyone == 1:
-                contacts.near_gap[step.slot, k] = gap + bodies.path[w, a]
+                contacts.near_gap[step.slot, k] = gap + bodies.room[w, a][0]
                 if b < scene.bodies:
-                    contacts.near_gap[step.slot, k] = contacts.near_gap[step.slot, k] + bodies.path[w, b]
+                    contacts.near_gap[step.slot, k] = contacts.near_gap[step.slot, k] + bodies.room[w, b][0]
             if bound < gap - scene.touch:
                 return FAR
         if bracketed == 0 and gap > scene.touch:
@@ -199,16 +199,6 @@ def second_touch(
 
 
 @wp.func
-def longest_path(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec2d:
-    """No point of body i moves further than this during the step whose path is set, nor its centre [m]."""
-    first = bodies.rate[w, i]
-    last = bodies.shift[w, i] * (TWO / h) - first
-    spin = wp.max(wp.abs(first[2]), wp.abs(last[2])) * (scene.bound[i] - scene.sweep[i])
-    speed = wp.sqrt(wp.max(first[0] * first[0] + first[1] * first[1], last[0] * last[0] + last[1] * last[1]))
-    return wp.vec2d((speed + spin) * h, speed * h)
-
-
-@wp.func
 def kept_apart(contacts: Contacts, step: Step, k: wp.int32) -> bool:
     """Check whether the impulses of a row keep a near pair apart already."""
     first = contacts.row_at[step.slot, k]
@@ -230,29 +220,13 @@ def cuts_of(scene: Scene, bodies: Bodies, w: wp.int32, a: wp.int32, b: wp.int32)
 
 
 @wp.func
-def find_impacts(scene: Scene, bodies: Bodies, contacts: Contacts, references: References, step: Step) -> Step:
-    """Find when the members collide, with each other or with others, in the rest of the step."""
+def find_meetings(scene: Scene, bodies: Bodies, contacts: Contacts, references: References, step: Step) -> wp.vec2d:
+    """Find when the members' near pairs collide; return when the first does, FAR for none, and the least gap [m]."""
     w = step.w
     slot = step.slot
     n = scene.bodies
-    longest = ZERO
-    for number in range(step.members):
-        i = bodies.members[w, number]
-        if still(bodies, w, i):
-            bodies.ahead[w, i] = ZERO
-            continue
-        path = longest_path(scene, bodies, w, i, step.h)
-        bodies.ahead[w, i] = path[0]
-        longest = wp.max(longest, path[0])
-        bodies.stride[w, i] = path[1]
-        if bodies.margin[w, i] < TWO * path[1]:
-            step.renew = 1
-            if bodies.margin[w, i] < path[1]:
-                step.lost = 1
-    if step.everyone == 1 and step.slack - TWO * longest > scene.touch:  # nothing is near
-        step.slack = step.slack - TWO * longest
-        return step
     slack = FAR
+    soonest = FAR
     for k in range(step.near):
         pair = contacts.near[slot, k]
         a = pair[0]
@@ -264,21 +238,19 @@ def find_impacts(scene: Scene, bodies: Bodies, contacts: Contacts, references: R
                 own = bodies.member[w, b]
         if own == 1:
             meet = FAR
-            least = contacts.near_gap[slot, k] - bodies.path[w, a]
-            ahead = bodies.ahead[w, a]
+            least = contacts.near_gap[slot, k] - bodies.room[w, a][0]
+            ahead = bodies.ahead[w, a][0]
             if b < n:
-                least -= bodies.path[w, b]
-                ahead += bodies.ahead[w, b]
+                least -= bodies.room[w, b][0]
+                ahead += bodies.ahead[w, b][0]
             near = ahead >= least - scene.touch and cuts_of(scene, bodies, w, a, b) < MOST_CUTS
             if near and not kept_apart(contacts, step, k):
                 bound = path_bound(scene, bodies, w, a, b, step.begin, step.whole)
                 if bound >= least - scene.touch:
                     meet = first_touch(scene, bodies, contacts, references, step, k, bound)
-                    if meet < FAR:
-                        step.meets = 1
+                    soonest = wp.min(soonest, meet)
             contacts.meet[slot, k] = meet
             slack = wp.min(slack, least)
-    step.slack = wp.where(step.everyone == 1, slack - TWO * longest, -ONE)
     for j in range(step.active):
         r = contacts.active[slot, j]
         if contacts.rows[slot, step.half, r].touching == 0 and contacts.rows[slot, step.half, r].solved == 0:
@@ -286,9 +258,21 @@ def find_impacts(scene: Scene, bodies: Bodies, contacts: Contacts, references: R
             pair = contacts.near[slot, k]
             if cuts_of(scene, bodies, w, pair[0], pair[1]) < MOST_CUTS and kept_apart(contacts, step, k):
                 t = second_touch(scene, bodies, contacts, references, step, r)
+                soonest = wp.min(soonest, t)
                 if t < FAR:
-                    step.meets = 1
                     contacts.meet[slot, k] = wp.min(contacts.meet[slot, k], t)
+    return wp.vec2d(soonest, slack)
+
+
+@wp.func
+def find_impacts(scene: Scene, bodies: Bodies, contacts: Contacts, references: References, step: Step) -> Step:
+    """Find when the members collide, with each other or with others, in the rest of the step."""
+    least = step.slack - TWO * step.longest
+    if step.everyone == 0 or least <= scene.touch:  # something may be near
+        found = find_meetings(scene, bodies, contacts, references, step)
+        step.meets = wp.where(found[0] < FAR, 1, step.meets)
+        least = wp.where(step.everyone == 1, found[1] - TWO * step.longest, -ONE)
+    step.slack = least
     return step
 
 

@@ -26,25 +26,22 @@ def connect(label: wp.array2d[wp.int32], w: wp.int32, a: wp.int32, b: wp.int32) 
 
 
 @wp.func
-def gather_everyone(scene: Scene, bodies: Bodies, step: Step) -> Step:
-    """Make all bodies that have joined members of the part."""
-    step.members = 0
+def gather_everyone(scene: Scene, bodies: Bodies, step: Step) -> wp.int32:
+    """Make all bodies that have joined members of the part; return how many."""
+    count = wp.int32(0)
     for i in range(scene.bodies):
         bodies.member[step.w, i] = 0
         if scene.schedule.joins[i] <= step.segment:
-            bodies.members[step.w, step.members] = i
+            bodies.members[step.w, count] = i
             bodies.member[step.w, i] = 1
-            step.members = step.members + 1
-    step.everyone = 1
-    return step
+            count += 1
+    return count
 
 
 @wp.func
-def gather_island(scene: Scene, bodies: Bodies, contacts: Contacts, joints: Joints, step: Step, pair: wp.vec2i) -> Step:
-    """Make members of the part the bodies that contact rows connect with a pair; all, where there are hinges."""
+def gather_island(scene: Scene, bodies: Bodies, contacts: Contacts, step: Step, pair: wp.vec2i) -> wp.int32:
+    """Make members of the part the bodies that contact rows connect with a pair; return how many."""
     w = step.w
-    if joints.count > 0:
-        return gather_everyone(scene, bodies, step)
     for i in range(scene.bodies):
         bodies.label[w, i] = i
     for r in range(step.rows):
@@ -54,20 +51,22 @@ def gather_island(scene: Scene, bodies: Bodies, contacts: Contacts, joints: Join
     if pair[1] < scene.bodies:
         connect(bodies.label, w, pair[0], pair[1])
     root = root_of(bodies.label, w, pair[0])
-    step.members = 0
+    count = wp.int32(0)
     for i in range(scene.bodies):
         bodies.member[w, i] = 0
         if scene.schedule.joins[i] <= step.segment and root_of(bodies.label, w, i) == root:
-            bodies.members[w, step.members] = i
+            bodies.members[w, count] = i
             bodies.member[w, i] = 1
-            step.members = step.members + 1
-    step.everyone = 0
-    return step
+            count += 1
+    return count
 
 
 @wp.func
-def sort_by_islands(scene: Scene, bodies: Bodies, contacts: Contacts, joints: Joints, step: Step) -> Step:
-    """Sort the part's rows, and its bodies that rows or hinges act on, by islands; the order within them is kept."""
+def sort_by_islands(scene: Scene, bodies: Bodies, contacts: Contacts, joints: Joints, step: Step) -> wp.int32:
+    """Sort the part's rows, and its bodies that rows or hinges act on, by islands; return how many there are.
+
+    The order within them is kept.
+    """
     w = step.w
     slot = step.slot
     n = scene.bodies
@@ -124,5 +123,4 @@ def sort_by_islands(scene: Scene, bodies: Bodies, contacts: Contacts, joints: Jo
         bodies.first_row[w, at] = bodies.first_row[w, at - 1]
     bodies.first_body[w, 0] = 0
     bodies.first_row[w, 0] = 0
-    step.islands = count
-    return step
+    return count

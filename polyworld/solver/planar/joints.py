@@ -267,8 +267,7 @@ def hold_hinges(scene: wp.array[Scene], bodies: wp.array[Bodies], joints: wp.arr
     for b in range(joints[0].bodies.shape[0]):
         i = joints[0].bodies[b]
         if moved > ZERO:
-            bodies[0].margin[step.w, i] = bodies[0].margin[step.w, i] - moved
-            bodies[0].path[step.w, i] = bodies[0].path[step.w, i] + moved
+            bodies[0].room[step.w, i] = bodies[0].room[step.w, i] + wp.vec2d(moved, -moved)
         fastest = wp.max(fastest, wp.length(bodies[0].rate[step.w, i]))
     for _ in range(PASSES):
         if project_hinge_rates(joints, bodies[0].rate[step.w], step.w, step.slot) <= wp.float64(1.0e-13) * fastest:

@@ -4,6 +4,7 @@ import warp as wp
 
 from polyworld.solver.core.episodes import Log
 from polyworld.solver.planar.episodes import record_contacts, record_last_contacts
+from polyworld.solver.planar.forces import FAR, find_pushes
 from polyworld.solver.planar.impact_time import first_impact
 from polyworld.solver.planar.islands import gather_everyone, gather_island
 from polyworld.solver.planar.joints import begin_hinges, hold_hinges
@@ -60,7 +61,8 @@ def roll_out(
                 step.renew = 1
                 joined = wp.int32(1)
         if joined == 1:
-            step = gather_everyone(scene, bodies, step)
+            step.members = gather_everyone(scene, bodies, step)
+            step.everyone = 1
             if joints.count > 0:
                 begin_hinges(scene, references.joints, w, segment)
         step.whole = ZERO
@@ -80,24 +82,33 @@ def roll_out(
             while going == 1:
                 step.h = step.whole - step.begin
                 step.time = step.start + step.begin
-                step = set_paths(scene, bodies, contacts, joints, samples, references, step)
-                if step.diverged == 1:
+                step.heaviest = find_pushes(scene, bodies, references, samples, step)
+                if step.heaviest == FAR:
+                    step.diverged = 1
                     break
+                step = set_paths(scene, bodies, contacts, joints, samples, references, step)
                 time = step.whole
                 impact = first_impact(scene, bodies, contacts, step)
                 if step.lost == 1 and renewals < RENEWALS:
                     time = step.begin
                     renewals += 1
                     if step.everyone == 0:
-                        step = gather_everyone(scene, bodies, step)
+                        step.members = gather_everyone(scene, bodies, step)
+                        step.everyone = 1
                 elif impact >= 0:
                     time = contacts.meet[step.slot, impact]
-                    step = gather_island(scene, bodies, contacts, joints, step, contacts.near[step.slot, impact])
+                    if joints.count > 0:  # all are one island
+                        step.members = gather_everyone(scene, bodies, step)
+                        step.everyone = 1
+                    else:
+                        step.members = gather_island(scene, bodies, contacts, step, contacts.near[step.slot, impact])
+                        step.everyone = 0
                     step.effort = step.effort + step.members
                 else:
                     going = wp.int32(0)
                     if step.everyone == 0:
-                        step = gather_everyone(scene, bodies, step)
+                        step.members = gather_everyone(scene, bodies, step)
+                        step.everyone = 1
                 if log.record == 1:
                     record_contacts(bodies, contacts, log, step, time)
                 move_bodies(scene, bodies, step, time)

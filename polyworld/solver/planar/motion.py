@@ -6,7 +6,7 @@ Friction of a pressed patch: force and moment together lie on an elliptic limit 
 
 import warp as wp
 
-from polyworld.solver.planar.records import Bodies, Contacts, Scene, Step
+from polyworld.solver.planar.records import Bodies, Contacts, Joints, Scene, Step
 
 wp.set_module_options({"enable_backward": False})
 
@@ -14,6 +14,7 @@ ZERO = wp.float64(0.0)
 HALF = wp.float64(0.5)
 ONE = wp.float64(1.0)
 TWO = wp.float64(2.0)
+FAR = wp.float64(1.0e30)
 FAST, SLOW = wp.float64(4.0), wp.float64(1.0)  # times what friction takes in a step, from where schemes change
 
 
@@ -89,16 +90,6 @@ def unheld_rate(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.v
 
 
 @wp.func
-def stiffness(mass: wp.float64, patch: wp.float64, inverse_inertia: wp.float64) -> wp.float64:
-    return mass * patch * patch * inverse_inertia
-
-
-@wp.func
-def stiffness_of(bodies: Bodies, w: wp.int32, i: wp.int32) -> wp.float64:
-    return stiffness(bodies.mass[w, i], bodies.patch[w, i], bodies.inverse_inertia[w, i])
-
-
-@wp.func
 def asleep(bodies: Bodies, w: wp.int32, i: wp.int32) -> bool:
     """Check whether a body is at rest and what pushes it is less than the supporting plane holds."""
     v = bodies.rate[w, i]
@@ -141,8 +132,9 @@ def free_rate(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.vec
     unheld = unheld_rate(bodies, w, i, h)
     if hold <= ZERO:
         return unheld
-    r = bodies.patch[w, i]
-    k = stiffness_of(bodies, w, i)
+    patch = bodies.patch[w, i]
+    r = patch[0]
+    k = patch[1]
     limit = hold * h * bodies.linear_decay[w, i][1]
     v = bodies.rate[w, i]
     half_push = bodies.push[w, i] * (HALF * h)
@@ -186,9 +178,9 @@ def stopped_at(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.fl
     a = bodies.push[w, i] * (h * bodies.linear_decay[w, i][1])
     limit = bodies.hold[w, i] * h * bodies.linear_decay[w, i][1]
     rotational = ZERO
-    r = bodies.patch[w, i]
-    if r > ZERO:
-        rotational = r / (stiffness_of(bodies, w, i) * limit)
+    patch = bodies.patch[w, i]
+    if patch[0] > ZERO:
+        rotational = patch[0] / (patch[1] * limit)
     along = ONE / limit
     square = (a[0] * a[0] + a[1] * a[1]) * along * along + a[2] * a[2] * rotational * rotational - ONE
     linear = (v[0] * a[0] + v[1] * a[1]) * along * along + v[2] * a[2] * rotational * rotational
@@ -204,24 +196,23 @@ def stopped_at(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> wp.fl
 
 
 @wp.func
-def find_shift(bodies: Bodies, w: wp.int32, i: wp.int32, h: wp.float64) -> None:
-    """Change of pose over h; a stop by friction within h is respected."""
-    v = bodies.rate[w, i]
-    u = bodies.next_rate[w, i]
+def find_shift(
+    bodies: Bodies, w: wp.int32, i: wp.int32, v: wp.vec3d, u: wp.vec3d, h: wp.float64, coupled: wp.int32
+) -> wp.vec3d:
+    """Return the change of pose over h from the rate v to u; a stop within h by friction alone is respected."""
     if v[0] == ZERO and v[1] == ZERO and v[2] == ZERO and u[0] == ZERO and u[1] == ZERO and u[2] == ZERO:
-        bodies.shift[w, i] = wp.vec3d()
-        return
+        return wp.vec3d()
     shift = shift_of(v, u, bodies.linear_decay[w, i], bodies.angular_decay[w, i], h)
     x = shift[0]
     y = shift[1]
     z = shift[2]
-    if u[0] == ZERO and u[1] == ZERO and bodies.hold[w, i] > ZERO and bodies.coupled[w, i] == 0:
+    if u[0] == ZERO and u[1] == ZERO and coupled == 0 and bodies.hold[w, i] > ZERO:
         # Friction stopped it before the step ended: distance v^2 / 2 mu g, not v h / 2.
         time = HALF * h * stopped_at(bodies, w, i, h)
         x = time * v[0]
         y = time * v[1]
         z = time * v[2] if u[2] == ZERO else z
-    bodies.shift[w, i] = wp.vec3d(x, y, z)
+    return wp.vec3d(x, y, z)
 
 
 @wp.func
@@ -247,8 +238,12 @@ def rate_at(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.flo
 
 
 @wp.func
-def couple_bodies(scene: Scene, bodies: Bodies, contacts: Contacts, step: Step) -> None:
-    """Mark the bodies that contact rows act on."""
+def couple_bodies(scene: Scene, bodies: Bodies, contacts: Contacts, joints: Joints, step: Step) -> None:
+    """Mark the members that contact rows or hinges act on; their rates are what these begin from."""
+    for m in range(step.members):
+        i = bodies.members[step.w, m]
+        bodies.coupled[step.w, i] = joints.hinged[i]
+        bodies.next_rate[step.w, i] = bodies.rate[step.w, i]
     for k in range(step.active):
         r = contacts.active[step.slot, k]
         bodies.coupled[step.w, contacts.rows[step.slot, step.half, r].a] = 1
@@ -274,18 +269,65 @@ def predict_rates(bodies: Bodies, step: Step) -> None:
 
 
 @wp.func
-def still(bodies: Bodies, w: wp.int32, i: wp.int32) -> bool:
-    """Check whether a body stays where it is to the end of the step."""
-    v = bodies.rate[w, i]
-    s = bodies.shift[w, i]
-    return v[0] == ZERO and v[1] == ZERO and v[2] == ZERO and s[0] == ZERO and s[1] == ZERO and s[2] == ZERO
-
-
-@wp.func
 def find_shifts(bodies: Bodies, step: Step) -> None:
     """Find the change of pose of each body over a step."""
     for m in range(step.members):
-        find_shift(bodies, step.w, bodies.members[step.w, m], step.h)
+        i = bodies.members[step.w, m]
+        v = bodies.rate[step.w, i]
+        bodies.shift[step.w, i] = find_shift(
+            bodies, step.w, i, v, bodies.next_rate[step.w, i], step.h, bodies.coupled[step.w, i]
+        )
+
+
+@wp.func
+def measure_path(scene: Scene, i: wp.int32, first: wp.vec3d, shift: wp.vec3d, h: wp.float64) -> wp.vec2d:
+    """Return bounds of how far any point of body i, and its centre, move over h from this rate by this shift [m]."""
+    if wp.length_sq(first) + wp.length_sq(shift) == ZERO:
+        return wp.vec2d()
+    last = shift * (TWO / h) - first
+    spin = wp.max(wp.abs(first[2]), wp.abs(last[2])) * (scene.bound[i] - scene.sweep[i])
+    square = first[0] * first[0] + first[1] * first[1]
+    speed = wp.sqrt(wp.max(square, last[0] * last[0] + last[1] * last[1]))
+    return wp.vec2d((speed + spin) * h, speed * h)
+
+
+@wp.func
+def note_path(bodies: Bodies, w: wp.int32, i: wp.int32, ahead: wp.vec2d, path: wp.vec3d) -> wp.vec3d:
+    """Keep bounds of a path, and return those over all members: see `measure_paths`."""
+    bodies.ahead[w, i] = ahead
+    left = bodies.room[w, i][1] - ahead[1]
+    return wp.vec3d(wp.max(path[0], ahead[0]), wp.min(path[1], left), wp.min(path[2], left - ahead[1]))
+
+
+@wp.func
+def measure_paths(scene: Scene, bodies: Bodies, step: Step) -> wp.vec3d:
+    """Return the longest path of a point; the least margin left when the step ends, and after one more like it [m]."""
+    w = step.w
+    found = wp.vec3d(ZERO, FAR, FAR)
+    for m in range(step.members):
+        i = bodies.members[w, m]
+        ahead = measure_path(scene, i, bodies.rate[w, i], bodies.shift[w, i], step.h)
+        found = note_path(bodies, w, i, ahead, found)
+    return found
+
+
+@wp.func
+def set_free_paths(scene: Scene, bodies: Bodies, step: Step) -> wp.vec3d:
+    """Set rates at the end of a step and changes of pose where no contact or hinge acts; see `measure_paths`."""
+    w = step.w
+    found = wp.vec3d(ZERO, FAR, FAR)
+    for m in range(step.members):
+        i = bodies.members[w, m]
+        if step.alike == 0 or step.begin > ZERO:
+            set_step(bodies, w, i, step.h)
+        bodies.next_rate[w, i] = free_rate(bodies, w, i, step.h)
+    for m in range(step.members):  # a loop of its own: a processor overlaps the latencies of a few short ones
+        i = bodies.members[w, m]
+        v = bodies.rate[w, i]
+        shift = find_shift(bodies, w, i, v, bodies.next_rate[w, i], step.h, 0)
+        bodies.shift[w, i] = shift
+        found = note_path(bodies, w, i, measure_path(scene, i, v, shift, step.h), found)
+    return found
 
 
 @wp.func
@@ -294,25 +336,22 @@ def move_bodies(scene: Scene, bodies: Bodies, step: Step, time: wp.float64) -> N
     w = step.w
     for m in range(step.members):
         i = bodies.members[w, m]
-        was = bodies.pose[w, i]
-        if time == step.whole and still(bodies, w, i):
-            bodies.rate[w, i] = bodies.next_rate[w, i]
-            bodies.since[w, i] = ZERO
-            bodies.cuts[w, i] = 0
-            continue
         if time == step.whole:
-            bodies.pose[w, i] = was + bodies.shift[w, i]
+            bodies.pose[w, i] = bodies.pose[w, i] + bodies.shift[w, i]
             bodies.rate[w, i] = bodies.next_rate[w, i]
-            bodies.path[w, i] = bodies.path[w, i] + bodies.ahead[w, i]
-            bodies.margin[w, i] = bodies.margin[w, i] - bodies.stride[w, i]
-            bodies.since[w, i] = ZERO
-            bodies.cuts[w, i] = 0
+            ahead = bodies.ahead[w, i]
+            bodies.room[w, i] = bodies.room[w, i] + wp.vec2d(ahead[0], -ahead[1])
         else:
             share = (time - bodies.since[w, i]) / (step.whole - bodies.since[w, i])
             bodies.pose[w, i] = pose_at(scene, bodies, w, i, time, step.whole)
             bodies.rate[w, i] = wp.lerp(bodies.rate[w, i], bodies.next_rate[w, i], share)
-            bodies.path[w, i] = bodies.path[w, i] + bodies.ahead[w, i] * share
-            bodies.margin[w, i] = bodies.margin[w, i] - bodies.stride[w, i] * share
+            part = bodies.ahead[w, i] * share
+            bodies.room[w, i] = bodies.room[w, i] + wp.vec2d(part[0], -part[1])
             if time > step.begin:
                 bodies.cuts[w, i] = bodies.cuts[w, i] + 1
             bodies.since[w, i] = time
+    if time == step.whole and step.effort > 0:  # impacts have cut paths
+        for m in range(step.members):
+            i = bodies.members[w, m]
+            bodies.since[w, i] = ZERO
+            bodies.cuts[w, i] = 0

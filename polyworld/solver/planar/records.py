@@ -52,10 +52,10 @@ class Bodies:
     angular_decay: wp.array2d[wp.vec3d]
     decay_step: wp.array2d[wp.float64]  # the h they were computed for
     since: wp.array2d[wp.float64]  # when, in the step, the path now taken begins [s]
-    path: wp.array2d[wp.float64]  # no point has moved further than this since the near list was renewed [m]
-    ahead: wp.array2d[wp.float64]  # nor moves further than this to the end of the step [m]
-    stride: wp.array2d[wp.float64]  # nor the centre [m]
-    margin: wp.array2d[wp.float64]  # motion of the centre for which the near list still holds [m]
+    room: wp.array2d[
+        wp.vec2d
+    ]  # since the near list was renewed no point has moved further; centre: what it still may [m]
+    ahead: wp.array2d[wp.vec2d]  # no point, nor the centre, moves further than this to the end of the step [m]
     cuts: wp.array2d[wp.int32]  # impacts that have cut the body's path in this step
     members: wp.array2d[wp.int32]  # the bodies whose paths the part being solved sets
     member: wp.array2d[wp.int32]  # whether a body is one of them
@@ -75,7 +75,7 @@ class Bodies:
     static_pose: wp.array2d[wp.vec3d]  # (W, s) x, y, angle; of a half plane its outward normal and offset
     support: wp.array2d[wp.float64]  # Coulomb coefficient on the supporting plane, without effects
     mixed: wp.array2d[wp.vec3d]  # rates after an impact by one of two laws that are mixed
-    patch: wp.array2d[wp.float64]  # radius of the spinning-friction patch [m]
+    patch: wp.array2d[wp.vec2d]  # radius r of the spinning-friction patch [m], and m r^2 / I
     linear_damping: wp.array2d[wp.float64]
     angular_damping: wp.array2d[wp.float64]
     friction: wp.array2d[wp.float64]  # (W, n + s), of statics as `contact_coefficients` codes them
@@ -195,6 +195,7 @@ class Step:
     active: wp.int32  # rows of this part
     islands: wp.int32  # sets of this part's bodies that rows or hinges connect
     meets: wp.int32  # whether any pair collides in this step
+    longest: wp.float64  # no point of this part's bodies moves further to the end of the step [m]
 
 
 @wp.struct
@@ -205,7 +206,7 @@ class Contacts:
     """
 
     near: wp.array2d[wp.vec2i]  # (S, K)
-    near_gap: wp.array2d[wp.float64]  # no more than the pair's gap and the `path` of both bodies [m]
+    near_gap: wp.array2d[wp.float64]  # no more than the pair's gap and the paths in `room` of both [m]
     meet: wp.array2d[wp.float64]  # when in the step the pair collides, FAR if it does not [s]
     row_at: wp.array2d[wp.int32]  # the pair's first row, in the half that was written last; -1 for none
     row_count: wp.array2d[wp.int32]  # how many it has

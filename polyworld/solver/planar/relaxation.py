@@ -9,7 +9,7 @@ keep within their limits.
 import warp as wp
 
 from polyworld.solver.planar.joints import factorise_at_pose, project_hinge_rates, solve_hinges
-from polyworld.solver.planar.motion import slide, stiffness
+from polyworld.solver.planar.motion import slide
 from polyworld.solver.planar.records import Bodies, Contacts, Joints, Row, Scene
 
 wp.set_module_options({"enable_backward": False})
@@ -105,8 +105,7 @@ def hold_bodies(bodies: wp.array[Bodies], w: wp.int32, first: wp.int32, last: wp
         if hold > ZERO:
             without = bodies[0].next_rate[w, i] - bodies[0].drag[w, i]
             patch = bodies[0].patch[w, i]
-            stiff = stiffness(bodies[0].mass[w, i], patch, bodies[0].inverse_inertia[w, i])
-            held = slide(without, hold * h * bodies[0].linear_decay[w, i][1], patch, stiff)
+            held = slide(without, hold * h * bodies[0].linear_decay[w, i][1], patch[0], patch[1])
             residual = wp.max(residual, wp.length(held - bodies[0].next_rate[w, i]))
             bodies[0].next_rate[w, i] = held
             bodies[0].drag[w, i] = held - without

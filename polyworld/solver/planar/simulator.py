@@ -41,10 +41,8 @@ BODY_FIELDS = {
     "coupled": wp.int32,
     "decay_step": wp.float64,
     "since": wp.float64,
-    "path": wp.float64,
-    "ahead": wp.float64,
-    "stride": wp.float64,
-    "margin": wp.float64,
+    "room": wp.vec2d,
+    "ahead": wp.vec2d,
     "cuts": wp.int32,
     "members": wp.int32,
     "member": wp.int32,
@@ -63,7 +61,7 @@ BODY_FIELDS = {
     "hold": wp.float64,
     "support": wp.float64,
     "mixed": wp.vec3d,
-    "patch": wp.float64,
+    "patch": wp.vec2d,
     "linear_damping": wp.float64,
     "angular_damping": wp.float64,
     "rolling": wp.float64,
@@ -231,7 +229,8 @@ class PlanarSimulator(RigidSimulator):
         support = np.where(own, arrays.friction, np.sqrt(np.abs(arrays.plane_friction) * arrays.friction))
         b.support[:c] = support
         b.hold[:c] = load * support
-        b.patch[:c] = arrays.torsional_radius
+        b.patch[:c, :, 0] = arrays.torsional_radius
+        b.patch[:c, :, 1] = arrays.torsional_radius**2 / self._gyration
         b.linear_damping[:c] = arrays.linear_damping
         b.angular_damping[:c] = arrays.angular_damping
         b.rolling[:c] = arrays.rolling_resistance

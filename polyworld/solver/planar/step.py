@@ -5,14 +5,16 @@ import warp as wp
 from polyworld.solver.planar.constraints import separate_overlaps, solve_contact_velocities
 from polyworld.solver.planar.contact_effects import set_row_friction
 from polyworld.solver.planar.contacts import find_contacts
-from polyworld.solver.planar.forces import find_pushes, note_reactions, renew_pushes
+from polyworld.solver.planar.forces import note_reactions, renew_pushes
 from polyworld.solver.planar.impact_time import find_impacts
 from polyworld.solver.planar.impacts import resolve_impacts
 from polyworld.solver.planar.islands import sort_by_islands
-from polyworld.solver.planar.motion import couple_bodies, find_shifts, predict_rates
+from polyworld.solver.planar.motion import couple_bodies, find_shifts, measure_paths, predict_rates, set_free_paths
 from polyworld.solver.planar.records import Bodies, Contacts, Joints, References, Samples, Scene, Step
 
 wp.set_module_options({"enable_backward": False})
+
+ZERO = wp.float64(0.0)
 
 
 @wp.func(inline=True)  # a call would copy the records, which takes as long as the step
@@ -26,9 +28,6 @@ def set_paths(
     step: Step,
 ) -> Step:
     """Set the paths of the members to the end of the step, and find when they next collide."""
-    step = find_pushes(scene, bodies, joints, references, samples, step)
-    if step.diverged == 1:
-        return step
     step = find_contacts(references.scene, references.bodies, references.contacts, samples, step)
     if scene.contact_laws > 0:
         set_row_friction(
@@ -36,19 +35,25 @@ def set_paths(
         )
     step.islands = 0
     if step.active > 0 or joints.count > 0:
-        couple_bodies(scene, bodies, contacts, step)
-        step = sort_by_islands(scene, bodies, contacts, joints, step)
+        couple_bodies(scene, bodies, contacts, joints, step)
+        step.islands = sort_by_islands(scene, bodies, contacts, joints, step)
     if step.active > 0:
         resolve_impacts(references.scene, references.bodies, references.contacts, references.joints, step)
     if scene.forces > 0:
         renew_pushes(scene, bodies, contacts, references, step)
-    predict_rates(bodies, step)
-    step.alike = wp.where(step.begin == wp.float64(0.0), 1, 0)
-    if step.islands > 0:
+    path = wp.vec3d()
+    if step.islands == 0:
+        path = set_free_paths(scene, bodies, step)
+    else:
+        predict_rates(bodies, step)
         solve_contact_velocities(references.scene, references.bodies, references.contacts, references.joints, step)
-    find_shifts(bodies, step)
-    if step.active > 0:
+        find_shifts(bodies, step)
         separate_overlaps(references.scene, references.bodies, references.contacts, step)
+        path = measure_paths(scene, bodies, step)
     if scene.forces > 0:
         note_reactions(bodies, step)
+    step.alike = wp.where(step.begin == ZERO, 1, 0)
+    step.longest = path[0]
+    step.lost = wp.where(path[1] < ZERO, 1, step.lost)
+    step.renew = wp.where(path[2] < ZERO, 1, step.renew)
     return find_impacts(scene, bodies, contacts, references, step)
