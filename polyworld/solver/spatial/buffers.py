@@ -24,6 +24,7 @@ from polyworld.world import World, geometry
 
 MESH_TRIANGLES = 24  # triangles of a mesh that one body has room to touch at once, at first
 MOST_BYTES = 1_000_000_000  # of contacts and their rows
+LISTED = 256  # neighbours of a body that there is room for, on average, at first
 
 PARAMETER_TYPES = {
     "mass": wp.float64,
@@ -69,6 +70,10 @@ def allocate_state(world: World, rows: int) -> layout.State:
     state.bodies = zeros((rows, n + s + 1), layout.Body)
     # Round bodies of similar size touch six others on average; twice that leaves room for overlaps.
     _allocate_contacts(state, max(1, min(pieces * (pieces - 1) // 2, 12 * pieces) + with_statics), rows, world)
+    _allocate_neighbours(state, min(n, LISTED) * n + n * s, rows)
+    state.first_neighbour = zeros((rows, n + 1), wp.int32)
+    state.listed_x = zeros((rows, n), wp.vec3d)
+    state.skin = zeros((rows,), wp.float64)
     state.mix_v = zeros((rows, SWEEPS * n), wp.vec3d)
     state.mix_w = zeros((rows, SWEEPS * n), wp.vec3d)
     state.mixed = zeros((rows,), wp.int32)
@@ -78,6 +83,7 @@ def allocate_state(world: World, rows: int) -> layout.State:
     state.contact_count = zeros((rows, 2), wp.int32)
     state.half = zeros((rows,), wp.int32)
     state.slowest = zeros((rows,), wp.float64)
+    state.early = zeros((rows,), wp.float64)
     state.overflowed = zeros((rows,), wp.int32)
     state.planes = zeros((rows, s), wp.vec4d)
     state.reaction = zeros((rows, n), wp.vec3d)
@@ -98,6 +104,11 @@ def _allocate_contacts(state: layout.State, manifolds: int, rows: int, world: Wo
     state.turning_rows = ROWS * contacts
 
 
+def _allocate_neighbours(state: layout.State, count: int, rows: int) -> None:
+    state.neighbours = zeros((rows, count), wp.int32)
+    state.max_neighbours = count
+
+
 def enlarge(system: System, state: layout.State, joints: Joints, world: World) -> bool:
     """Give worlds room for four times the manifolds, in place; return False where that takes too much memory.
 
@@ -107,6 +118,7 @@ def enlarge(system: System, state: layout.State, joints: Joints, world: World) -
     if 4 * sum(a.size * wp.types.type_size_in_bytes(a.dtype) for a in kept) > MOST_BYTES:
         return False
     _allocate_contacts(state, 4 * state.max_manifolds, state.manifolds.shape[0], world)
+    _allocate_neighbours(state, 4 * state.max_neighbours, state.manifolds.shape[0])
     joints.base = state.rows.shape[1] - joint_rows(world)
     system.state = by_reference(state, layout.State, system.state)
     system.joints = by_reference(joints, Joints, system.joints)

@@ -4,46 +4,23 @@ import warp as wp
 
 from polyworld.solver.core.contact_coefficients import of_contact
 from polyworld.solver.spatial.layout import (
-    BOX,
     MAX_MANIFOLD_POINTS,
     MESH,
     PLANE,
     SPHERE,
     TRIANGLE,
-    Body,
     Geometry,
     Manifold,
     Shape,
     State,
 )
 from polyworld.solver.spatial.manifold import friction_anchor, tangent, touching_points
+from polyworld.solver.spatial.neighbours import TOUCHING, near, placed_shape, update_neighbours
 from polyworld.solver.spatial.separation import separating_direction, separation
 from polyworld.solver.spatial.shapes import extent
 
-# Contacts are closed below this gap, as a fraction of the smaller body's bounding radius.
-TOUCHING = wp.float64(1.0e-4)
 FLAT = wp.float64(0.999999)  # cosine of an angle to a triangle's normal that is taken for none
 SAME_POINT = wp.float64(0.05)  # how far a point may wander and still be the same, per radius
-
-
-@wp.func
-def near(sa: Shape, xa: wp.vec3d, sb: Shape, b: Body, reach: wp.float64) -> bool:
-    """Check whether a's bounding sphere comes within reach of b."""
-    c = xa - b.x
-    if sb.kind == PLANE:
-        return wp.dot(sb.size, xa) - sb.bound - sa.bound <= reach
-    if sb.kind == MESH:
-        return True
-    if sb.kind == BOX:
-        p = wp.transpose(b.rotation) * c
-        total = wp.float64(0.0)
-        for k in range(3):
-            beyond = wp.max(wp.abs(p[k]) - sb.size[k], wp.float64(0.0))
-            total += beyond * beyond
-        far = sa.bound + reach
-        return total <= far * far
-    far = sa.bound + sb.bound + reach
-    return wp.dot(c, c) <= far * far
 
 
 @wp.func
@@ -87,17 +64,6 @@ def inactive_edge(geometry: wp.array[Geometry], face: int, n: wp.vec3d) -> bool:
     if edge < 0:
         return False
     return (geometry[0].edge_active[face] >> edge) & 1 == 0
-
-
-@wp.func
-def placed_shape(geometry: wp.array[Geometry], state: wp.array[State], w: int, j: int, q: int) -> Shape:
-    """Shape q of body j; a plane where it stands in this world."""
-    s = geometry[0].shapes[q]
-    if s.kind == PLANE:
-        plane = state[0].planes[w, j - state[0].objects]
-        s.size = wp.vec3d(plane[0], plane[1], plane[2])
-        s.bound = plane[3]
-    return s
 
 
 @wp.struct
@@ -268,7 +234,7 @@ def touch_pieces(geometry: wp.array[Geometry], state: wp.array[State], w: int, p
                 far = sa.bound + sb.bound + pair.reach
                 if wp.length_sq(xa - xb) <= far * far:
                     pair.carried = touch(geometry, state, w, pair, sb)
-            elif near(sa, xa, sb, state[0].bodies[w, j], pair.reach):
+            elif near(state, w, j, sa, xa, sb, pair.reach):
                 pair.carried = touch(geometry, state, w, pair, sb)
 
 
@@ -282,6 +248,7 @@ def find_contacts(geometry: wp.array[Geometry], state: wp.array[State], w: int, 
     """
     state[0].manifold_count[w, half] = 0
     state[0].contact_count[w, half] = 0
+    update_neighbours(geometry, state, w, h)
     previous = (1 - half) * state[0].max_manifolds
     previous_end = previous + state[0].manifold_count[w, 1 - half]
     for i in range(state[0].objects):
@@ -293,7 +260,8 @@ def find_contacts(geometry: wp.array[Geometry], state: wp.array[State], w: int, 
         sa.bound = geometry[0].bound[i]
         xa = state[0].bodies[w, i].x
         swept = state[0].bodies[w, i].swept + TOUCHING * wp.float64(2.0) * sa.bound
-        for j in range(i + 1, state[0].objects + state[0].statics):
+        for listed in range(state[0].first_neighbour[w, i], state[0].first_neighbour[w, i + 1]):
+            j = state[0].neighbours[w, listed]
             if state[0].bodies[w, j].active == 0:
                 continue
             q = geometry[0].first_shape[j]
@@ -305,7 +273,7 @@ def find_contacts(geometry: wp.array[Geometry], state: wp.array[State], w: int, 
             reach = swept + state[0].bodies[w, j].swept
             if h > wp.float64(0.0):
                 reach += h * wp.length(state[0].bodies[w, i].v - state[0].bodies[w, j].v)
-            if not near(sa, xa, sb, state[0].bodies[w, j], reach) or geometry[0].collides[i, j] == 0:
+            if not near(state, w, j, sa, xa, sb, reach):
                 continue
             while previous < previous_end and (
                 state[0].manifolds[w, previous].a < i

@@ -66,6 +66,12 @@ def resists(state: wp.array[State], w: int, i: int) -> bool:
     return state[0].manifolds[w, i].torsion > wp.float64(0.0) or state[0].manifolds[w, i].rolling > wp.float64(0.0)
 
 
+@wp.func
+def meets(state: wp.array[State], w: int, c: int, close: wp.float64, fast: wp.float64) -> bool:
+    """Check whether a contact touches, or does so soon that it rebounds already, at the approach speed `fast`."""
+    return state[0].contacts[w, c].gap <= close + state[0].early[w] * wp.max(fast, wp.float64(0.0))
+
+
 def impact_solver(solve_manifolds: Any, energy: Any, undo_joints: Any) -> Any:
     """Return the function `resolve_impacts`, for functions that do the joints' part.
 
@@ -122,7 +128,7 @@ def impact_solver(solve_manifolds: Any, energy: Any, undo_joints: Any) -> Any:
                     if resists(state, w, i):
                         clear_impulses(state, w, state[0].turning_rows + r)
                     state[0].contacts[w, c].target = -restitution * velocity_along(state, w, a, b, r)
-                    if state[0].contacts[w, c].gap > close:
+                    if not meets(state, w, c, close, -velocity_along(state, w, a, b, r)):
                         state[0].contacts[w, c].target = NO_TARGET
                     elif tangential > wp.float64(-1.0):
                         x = velocity_along(state, w, a, b, r + 1)
@@ -218,8 +224,8 @@ def impact_solver(solve_manifolds: Any, energy: Any, undo_joints: Any) -> Any:
         for i in range(base, base + count):
             start = state[0].manifolds[w, i].first
             for c in range(start, start + state[0].manifolds[w, i].count):
-                if state[0].contacts[w, c].gap <= state[0].manifolds[w, i].close:
-                    fast = -state[0].contacts[w, c].speed
+                fast = -state[0].contacts[w, c].speed
+                if meets(state, w, c, state[0].manifolds[w, i].close, fast):
                     state[0].manifolds[w, i].approach = wp.max(state[0].manifolds[w, i].approach, fast)
                     if fast > threshold:
                         active = 1
@@ -237,11 +243,10 @@ def impact_solver(solve_manifolds: Any, energy: Any, undo_joints: Any) -> Any:
                     close = state[0].manifolds[w, last].close
                     start = state[0].manifolds[w, last].first
                     for c in range(start, start + state[0].manifolds[w, last].count):
-                        if state[0].contacts[w, c].gap <= close:
-                            fast = -velocity_along(state, w, a, b, ROWS * (c - offset))
-                            if fast > fastest:
-                                fastest = fast
-                                hardest = last
+                        fast = -velocity_along(state, w, a, b, ROWS * (c - offset))
+                        if fast > fastest and meets(state, w, c, close, fast):
+                            fastest = fast
+                            hardest = last
                     last += 1
                 if fastest <= threshold:
                     continue

@@ -207,7 +207,12 @@ class State:
     contact_count: wp.array2d[wp.int32]  # (K, 2)
     half: wp.array[wp.int32]  # (K,) the half of the last step's contacts, where a run ends
     slowest: wp.array[wp.float64]  # (K,) approach speed from which on contacts rebound [m/s]
+    early: wp.array[wp.float64]  # (K,) time before they touch from which on bodies rebound [s]
     overflowed: wp.array[wp.int32]  # (K,) 1 where the contact buffer is full
+    neighbours: wp.array2d[wp.int32]  # (K, max_neighbours) of each object, those after it, see `neighbours`
+    first_neighbour: wp.array2d[wp.int32]  # (K, n + 1)
+    listed_x: wp.array2d[wp.vec3d]  # (K, n) where objects were when these were listed
+    skin: wp.array[wp.float64]  # (K,) within which of each other all pairs were listed [m], 0 where none were
     planes: wp.array2d[wp.vec4d]  # (K, s) outward normal and offset of the statics that are planes
     reaction: wp.array2d[wp.vec3d]  # (K, n) acceleration by contacts and joints in the last step, where effects act
     reaction_turning: wp.array2d[wp.vec3d]  # [rad/s^2]
@@ -215,6 +220,7 @@ class State:
     statics: int
     max_manifolds: int
     max_contacts: int
+    max_neighbours: int
     turning_rows: int  # first row of spin and rolling
 
 

@@ -77,6 +77,7 @@ def load_bodies(
     state[0].contact_count[k, 0] = 0
     state[0].contact_count[k, 1] = 0
     state[0].overflowed[k] = 0
+    state[0].skin[k] = wp.float64(0.0)
 
 
 @wp.func

@@ -16,6 +16,10 @@ from polyworld.solver.spatial.system import System
 
 MAX_IMPACTS = 32  # parts into which impacts may cut a step; what is left then is solved without rebound
 # Approaches slower than one step's fall do not rebound: a body at rest would else never come to rest.
+# Where many bodies collide in a step, those that would touch this part of it later rebound with the others: they are
+# then no farther apart than steps place them anyway, and no step is cut into many more parts than the inverse of it.
+MANY = 4  # impacts and parts after them
+EARLY = wp.float64(0.25)
 SLOWEST_IMPACT = wp.float64(1.0e-4)  # without gravity [m/s]
 
 
@@ -71,6 +75,9 @@ def stepping(joining: Joining) -> Any:
                 set_effect_friction(parameters, state, w, k, half, threshold, left)
             part = longest_part(joints, state, k, h, left)
             slowest = threshold
+            state[0].early[k] = wp.float64(0.0)
+            if impacts >= MANY:
+                state[0].early[k] = EARLY * h
             if impacts < MAX_IMPACTS:
                 if resolve_impacts(parameters, joints, state, w, k, half, threshold) > 0:
                     impacts += 1
