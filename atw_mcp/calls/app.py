@@ -78,7 +78,9 @@ class App:
         try:
             return self.store.cases.get(identifier)
         except UnknownRecord as error:
-            raise ToolError(f"{error}. Next: OpenCase(video=PATH) opens one") from error
+            raise ToolError(
+                f"{error}. Next: OpenCase(video=PATH) opens one, OpenCase(name=NAME) one without a file"
+            ) from error
 
     def case_to_model(self, identifier: str, tool: str) -> Case:
         """The case, refused once its world is committed (construction tools)."""

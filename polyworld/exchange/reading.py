@@ -81,11 +81,31 @@ def _by_mujoco(
     data = mujoco.MjData(model)
     if keyframe is not None:
         mujoco.mj_resetDataKeyframe(model, data, _keyframe(mujoco, model, keyframe))
+    moved = _within_limits(mujoco, model, data)
     mujoco.mj_forward(model, data)
     found = world_of_model(model, data)
+    found = Imported(found.world, (*moved, *found.left_out))
     if kind == "URDF" and not floating:
         found = Imported(found.world, ("the root link is fixed to the world; `floating` frees it", *found.left_out))
     return found
+
+
+def _within_limits(mujoco: Any, model: Any, data: Any) -> list[str]:
+    """Move joints that start outside their limits to the nearer one, and say so: stops here do not push back."""
+    moved = []
+    single = [int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)]
+    for joint in range(model.njnt):
+        if model.jnt_limited[joint] and int(model.jnt_type[joint]) in single:
+            at = int(model.jnt_qposadr[joint])
+            now, (lower, upper) = float(data.qpos[at]), (float(v) for v in model.jnt_range[joint])
+            if not lower <= now <= upper:
+                data.qpos[at] = min(max(now, lower), upper)
+                name = model.joint(joint).name or f"joint{joint}"
+                moved.append(
+                    f"joint {name} starts at its limit {data.qpos[at]:.4g} instead of {now:.4g} beyond it; a keyframe "
+                    "may start it elsewhere"
+                )
+    return moved
 
 
 def _freed(text: str) -> str:

@@ -184,6 +184,12 @@ def tangent_point(rope: str, pulley: Pulley, point: Array, side: float) -> Array
     distance = float(np.linalg.norm(out))
     if pulley.radius == 0.0:
         return centre
+    beside = abs(float(axis @ (point - centre)))
+    if beside > max(distance, pulley.radius):  # beyond 45 degrees no rope stays on a wheel
+        raise ValueError(
+            f"rope {rope!r} passes {point.tolist()}, {beside:.3g} m beside the wheel of pulley {pulley.name!r} along "
+            f"its axis and {distance:.3g} m from that axis: put its centre, {centre.tolist()}, where the rope runs"
+        )
     if distance <= pulley.radius:
         raise ValueError(
             f"rope {rope!r} passes {point.tolist()}, which is inside the wheel of pulley {pulley.name!r} (radius "

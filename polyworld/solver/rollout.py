@@ -172,7 +172,12 @@ def rollout(
     ValueError.
     """
     times = sampled_times(world, horizon, sample_interval)
+    _check_patience(patience)
     if start is not None:
+        if not isinstance(start, SavedState):
+            raise TypeError(
+                f"start must be a SavedState, as `state_at` and `SavedState.from_bytes` return, not {start!r:.40}"
+            )
         times = _times_from(start.time, times)
     machine = simulator(
         world, times, record_events=record_events, threads=1, progress=progress, start=start, patience=patience
@@ -222,11 +227,18 @@ def state_at(
     """
     if world.coupled:
         raise ValueError(NO_COUPLED_STATE)
+    if not (np.isfinite(time) and time >= 0.0):
+        raise ValueError(f"time must be 0 or more, got {time}")
     stepper = Stepper(world, interval=sample_interval, start=start)
     times = sampled_times(world, time, sample_interval) if time > 0.0 else np.zeros(1)
     for end in times[1:] if start is None else _times_from(start.time, times)[1:]:
         stepper.advance_to(float(end))
     return stepper.save()
+
+
+def _check_patience(patience: float) -> None:
+    if not patience > 0.0:
+        raise ValueError(f"patience must be positive seconds, or math.inf for no limit, got {patience}")
 
 
 def _times_from(begin: float, times: Array) -> Array:
@@ -254,6 +266,7 @@ def rollouts(
     seconds_per_frame has a proportional horizon. record_events, progress, patience: as for `rollout`.
     """
     times = sampled_times(world, horizon, sample_interval)
+    _check_patience(patience)
     machine = simulator(
         world, times, n_worlds=len(members), record_events=record_events, progress=progress, patience=patience
     )
@@ -268,6 +281,9 @@ def rollouts(
 def sampled_times(world: World, horizon: float, sample_interval: float | None = None) -> Array:
     """Return the sample times (T,) of a rollout; raises ValueError where there would be too many, see `rollout`."""
     interval = world.time.seconds_per_frame if sample_interval is None else sample_interval
+    for name, value in (("sample_interval", interval), ("horizon", horizon)):
+        if isinstance(value, str) or not np.isscalar(value):
+            raise TypeError(f"{name} must be a number of seconds, got {value!r}")
     if not (np.isfinite(interval) and interval > 0):
         raise ValueError(f"sample_interval must be positive, got {interval}")
     if not (np.isfinite(horizon) and horizon > 0):

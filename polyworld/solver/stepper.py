@@ -87,8 +87,14 @@ class Stepper:
         control: called with the state at the start of each interval; returns what acts during it. Raises ValueError for
         names or motors that the world does not have, RuntimeError where the world diverges or runs out of room.
         """
+        if count < 1:
+            raise ValueError(f"count must be at least 1, got {count}")
+        if control is not None and not callable(control):
+            raise TypeError("control must be a function of the state: for a constant one, `lambda state: control`")
         for _ in range(count):
             given = None if control is None else control(self._state)
+            if given is not None and not isinstance(given, Control):
+                raise TypeError(f"control must return a Control or None, got {given!r:.60}")
             if given is not None:
                 self._apply(given)
             self.advance_to(self._next_time())

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from polyworld.solver.rollout import simulator
-from polyworld.world import Environment, TimeBase, World
+from polyworld.world import Environment, StaticObject, TimeBase, World
 from polyworld.world.representations.rigid import RigidObject
-from polyworld.world.shapes import Sphere
+from polyworld.world.shapes import Plane, Sphere
 
 
 def ball(name: str, x: tuple[float, float, float], v: tuple[float, float, float], restitution: float) -> RigidObject:
@@ -61,3 +61,17 @@ def test_a_crowd_that_collides_keeps_momentum_and_gains_no_energy(restitution: f
         np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
     apart = np.linalg.norm(motion.positions[0, :, :, None] - motion.positions[0, :, None, :], axis=-1)
     assert apart[:, ~np.eye(54, dtype=bool)].min() > 0.2 - 0.002
+
+
+def test_a_dense_elastic_pile_dropped_on_a_floor_keeps_its_energy() -> None:
+    """Three layers of 16 balls that nearly touch: many blows within each step, none of them without rebound."""
+    random = np.random.default_rng(0)
+    balls = []
+    for k, j, i in np.ndindex(3, 4, 4):
+        x, y = np.array([i, j]) * 0.22 + random.uniform(-0.008, 0.008, 2)
+        balls.append(ball(f"b{len(balls)}", (float(x), float(y), 1.2 + 0.24 * k), (0.0, 0.0, 0.0), 1.0))
+    floor = StaticObject(name="floor", shape=Plane(), friction=0.0, restitution=1.0)
+    world = World(objects=balls, statics=(floor,), time=TimeBase(substep=0.002))
+    motion = simulator(world, np.linspace(0.0, 0.6, 7)).run()
+    energy = 0.5 * (motion.velocities[0] ** 2).sum(axis=(1, 2)) + 9.81 * motion.positions[0, ..., 2].sum(axis=1)
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-6)

@@ -58,7 +58,7 @@ class SavedState:
             memory = {name.removeprefix("memory."): values for name, values in arrays.items()}
             return cls(head["world_id"], time, tuple(head["names"]), memory=memory, **motion)
         except (OSError, KeyError, EOFError, ValueError, zipfile.BadZipFile) as error:
-            raise ValueError(f"not a saved state, or a damaged one: {error}") from error
+            raise ValueError("not what SavedState.to_bytes returned, or damaged") from error
 
 
 _MOTION = ("positions", "orientations", "velocities", "angular_velocities")

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from polyworld.world.description import Description, Name, NonNegative, Positive, Vec3
 
+ROUNDING = 1e-6  # [rad or m]
 Z: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
@@ -51,6 +52,12 @@ class _Limited(_Joint):
     def _ordered(self) -> Self:
         if self.lower is not None and self.upper is not None and self.lower > self.upper:
             raise ValueError(f"joint {self.name!r}: lower {self.lower} exceeds upper {self.upper}")
+        # Rounding of a pose at a stop is no start beyond it.
+        if (self.lower is not None and self.lower > ROUNDING) or (self.upper is not None and self.upper < -ROUNDING):
+            raise ValueError(
+                f"joint {self.name!r} starts outside its stops, lower {self.lower} and upper {self.upper}, which count "
+                "from the initial pose: describe the object where they let it be, or stops with lower <= 0 <= upper"
+            )
         return self
 
 

@@ -320,3 +320,14 @@ def test_files_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
 def test_a_turned_rotation_keeps_its_quaternion() -> None:
     turn = geometry.quaternion_matrix(np.array([0.5, 0.5, -0.5, 0.5]))
     np.testing.assert_allclose(quaternion(turn), (0.5, 0.5, -0.5, 0.5), atol=1e-15)
+
+
+def test_a_joint_that_starts_outside_its_range_starts_at_the_nearer_limit(tmp_path: Path) -> None:
+    """MuJoCo drives it there; at rest against that limit, both hang alike."""
+    text = """<mujoco><compiler angle="degree"/><worldbody><body name="arm" pos="0 0 1">
+      <joint name="j" axis="0 1 0" range="-60 -30" limited="true"/>
+      <geom type="capsule" fromto="0 0 0 .4 0 0" size=".03"/></body></worldbody></mujoco>"""
+    found = read(tmp_path, text)
+    assert "joint j starts at its limit -0.5236 instead of 0" in found.left_out[0]
+    end = rollout(found.world, 1.0).trajectory.positions[-1, 0]
+    np.testing.assert_allclose(end, [0.2 * np.cos(np.pi / 6), 0.0, 1.0 + 0.2 * np.sin(np.pi / 6)], atol=1e-6)

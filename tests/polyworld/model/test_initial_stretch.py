@@ -1,6 +1,7 @@
 """Ropes that start stretched: strain and tension against the length of their way."""
 
 import numpy as np
+import pytest
 
 from polyworld.model.notes import model_notes
 from tests.verification.rope_world import held, rope, world
@@ -17,3 +18,10 @@ def test_a_rope_shorter_than_its_way_is_reported_with_its_tension() -> None:
         for slack in (length / 1.005, 1.1 * length, None):
             cord = rope(points, 20, length=slack)
             assert model_notes(world(cord, attachments=ends, pulleys=pulleys)) == ()
+
+
+def test_a_pulley_beside_the_rope_is_refused() -> None:
+    cord = rope([[0, 0, 2], [1, 0, 2]], 10)
+    wheel = {"name": "wheel", "rope": "rope", "centre": [0.5, 5, 1.9], "radius": 0.1, "after": 0}
+    with pytest.raises(ValueError, match="5 m beside the wheel of pulley 'wheel'"):
+        model_notes(world(cord, attachments=[held("start"), held("end")], pulleys=[wheel]))

@@ -154,7 +154,7 @@ def test_what_cannot_be_done_is_refused() -> None:
         rollout(late_world(), 1.0, start=saved)
     with pytest.raises(ValueError, match="must lie beyond"):
         rollout(world, 0.2, start=saved)
-    with pytest.raises(ValueError, match="not a saved state"):
+    with pytest.raises(ValueError, match="or damaged"):
         SavedState.from_bytes(saved.to_bytes()[:100])
     with pytest.raises(ValueError, match="does not fit this engine"):
         stepper(world, start=replace(saved, memory={k: v for k, v in saved.memory.items() if k != "state.half"}))
@@ -169,3 +169,26 @@ def test_what_cannot_be_done_is_refused() -> None:
     flat = stepper(six_body_world(planar=True))
     with pytest.raises(ValueError, match="rigid_planar"):
         flat.step(control=lambda _: Control(forces={flat.world.objects[0].name: (0, 0, 1.0)}))
+
+
+def test_wrong_input_is_refused_with_what_would_be_right() -> None:
+    world = pendulum()
+    for time in (-1.0, float("nan")):
+        with pytest.raises(ValueError, match="time must be 0 or more"):
+            state_at(world, time)
+    for patience in (-1.0, float("nan")):
+        with pytest.raises(ValueError, match="patience must be positive"):
+            rollout(world, 0.1, patience=patience)
+    with pytest.raises(TypeError, match="horizon must be a number"):
+        rollout(world, "1")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="start must be a SavedState"):
+        rollout(world, 1.0, start=b"state")  # type: ignore[arg-type]
+    run = stepper(world)
+    with pytest.raises(ValueError, match="count must be at least 1"):
+        run.step(-1)
+    with pytest.raises(TypeError, match="control must be a function"):
+        run.step(control=Control())  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="control must return a Control"):
+        run.step(control=lambda _: {"forces": {}})  # type: ignore[arg-type, return-value]
+    with pytest.raises(ValueError, match=r"not what SavedState\.to_bytes returned"):
+        SavedState.from_bytes(b"xx")

@@ -186,3 +186,9 @@ def test_what_is_fixed_cannot_be_moved_and_a_spring_can_be_stretched() -> None:
     assert isinstance(joint, Spring)
     assert joint.rest_length == pytest.approx(1.0)
     np.testing.assert_allclose(joint.anchor, (0, 0, -0.1), atol=1e-12)
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(0.5, 1.0), (-1.0, -0.5), (0.1, None), (None, -0.1)])
+def test_a_joint_that_starts_outside_its_stops_is_refused(lower: float | None, upper: float | None) -> None:
+    with pytest.raises(ValidationError, match=r"starts outside its stops.*lower <= 0 <= upper"):
+        Hinge(name="pivot", object="upper", anchor=(0, 0, 0), axis=(0, 1, 0), lower=lower, upper=upper)
