@@ -11,8 +11,7 @@ wp.set_module_options({"enable_backward": False})
 
 ZERO = wp.float64(0.0)
 ONE = wp.float64(1.0)
-SOFT = wp.float64(1.0e-12)  # compliance added to each hinge, of its own: above rounding, so that of hinges that hold
-# bodies more often than they need, all carry a share
+RANK = wp.float64(1.0e-10)  # a pivot less than this, of what it was, is rounding: other hinges hold that direction
 
 
 @wp.func
@@ -31,7 +30,6 @@ def assemble(
     arms: wp.array2d[wp.vec2d],
     mobility: wp.array[wp.vec2d],
     diagonal: wp.array[wp.vec3d],
-    softness: wp.array[wp.vec2d],
     blocks: wp.array[wp.mat22d],
 ) -> None:
     """Write the matrix for these moment arms. mobility: change of a body's motion per unit force and moment."""
@@ -45,8 +43,7 @@ def assemble(
                     m = mobility[i]
                     arm = arms[j, e]
                     k += wp.vec3d(m[0] + m[1] * arm[1] * arm[1], -m[1] * arm[0] * arm[1], m[0] + m[1] * arm[0] * arm[0])
-        softness[j] = wp.vec2d(SOFT * k[0], SOFT * k[2])
-        diagonal[j] = k + wp.vec3d(SOFT * k[0], ZERO, SOFT * k[2])
+        diagonal[j] = k
     for b in range(blocks.shape[0]):
         blocks[b] = wp.mat22d()
     for t in range(couplings.shape[0]):
@@ -77,13 +74,33 @@ def factorise(
     updates: wp.array2d[wp.int32],
     diagonal: wp.array[wp.vec3d],
     blocks: wp.array[wp.mat22d],
+    pivots: wp.array[wp.vec3d],
 ) -> None:
-    """Replace the matrix by D^-1 and L."""
+    """Replace the matrix by D^-1 and L.
+
+    pivots: inverses of the larger, negative where of yy, and of the smaller, 0 where redundant; xy over the larger.
+    """
+    for j in range(order.shape[0]):
+        pivots[j] = diagonal[j]
     for n in range(order.shape[0]):
         c = order[n]
         d = diagonal[c]
-        scale = ONE / (d[0] * d[2] - d[1] * d[1])
-        inverse = wp.vec3d(d[2] * scale, -d[1] * scale, d[0] * scale)
+        # The larger pivot first, so that what a redundant direction gives up is taken by no impulse much larger.
+        turned = d[2] > d[0]
+        size = pivots[c]
+        upper = ZERO
+        if wp.max(d[0], d[2]) > RANK * wp.where(turned, size[2], size[0]):
+            upper = ONE / wp.max(d[0], d[2])
+        slope = d[1] * upper
+        rest = wp.min(d[0], d[2]) - slope * d[1]
+        lower = ZERO
+        if rest > RANK * wp.where(turned, size[0], size[2]):
+            lower = ONE / rest
+        pivots[c] = wp.vec3d(upper, lower, slope)
+        inverse = wp.vec3d(upper + slope * slope * lower, -slope * lower, lower)
+        if turned:
+            pivots[c] = wp.vec3d(-upper, lower, slope)
+            inverse = wp.vec3d(lower, -slope * lower, upper + slope * slope * lower)
         diagonal[c] = inverse
         for u in range(first_update[n], first_update[n + 1]):
             left = blocks[updates[u, 1]]
@@ -111,9 +128,11 @@ def substitute(
     block_row: wp.array[wp.int32],
     diagonal: wp.array[wp.vec3d],
     blocks: wp.array[wp.mat22d],
+    pivots: wp.array[wp.vec3d],
+    kept: wp.array[wp.vec2d],
     x: wp.array[wp.vec2d],
 ) -> None:
-    """Replace the right-hand side x by the solution."""
+    """Replace the right-hand side x by the solution, which takes back what was `kept` in redundant directions."""
     count = order.shape[0]
     for n in range(count):
         v = x[order[n]]
@@ -130,6 +149,14 @@ def substitute(
             a = blocks[b]
             y = x[block_row[b]]
             v = v - wp.vec2d(a[0, 0] * y[0] + a[1, 0] * y[1], a[0, 1] * y[0] + a[1, 1] * y[1])
+        p = pivots[c]
+        if p[1] == ZERO:
+            if p[0] > ZERO:
+                v = wp.vec2d(v[0] + p[2] * kept[c][1], -kept[c][1])
+            elif p[0] < ZERO:
+                v = wp.vec2d(-kept[c][0], v[1] + p[2] * kept[c][0])
+            else:
+                v = -kept[c]
         x[c] = v
 
 
@@ -147,7 +174,6 @@ def factorise_hinges(joints: wp.array[Joints], w: wp.int32, slot: wp.int32) -> N
         joints[0].moment_arm[w],
         joints[0].mobility[slot],
         diagonal,
-        joints[0].softness[slot],
         blocks,
     )
     factorise(
@@ -158,6 +184,7 @@ def factorise_hinges(joints: wp.array[Joints], w: wp.int32, slot: wp.int32) -> N
         joints[0].updates,
         diagonal,
         blocks,
+        joints[0].pivots[slot],
     )
 
 
@@ -175,6 +202,7 @@ def find_gaps(joints: wp.array[Joints], motion: wp.array[wp.vec3d], w: wp.int32,
                     arm = joints[0].moment_arm[w, j, e]
                     gap += wp.vec2d(m[0] - m[2] * arm[1], m[1] + m[2] * arm[0]) * sign_of(e)
         joints[0].change[slot, j] = -gap
+        joints[0].kept[slot, j] = wp.vec2d()
         largest = wp.max(largest, wp.dot(gap, gap))
     return wp.sqrt(largest)
 
@@ -188,5 +216,7 @@ def solve_hinge_system(joints: wp.array[Joints], slot: wp.int32) -> None:
         joints[0].block_row,
         joints[0].diagonal[slot],
         joints[0].blocks[slot],
+        joints[0].pivots[slot],
+        joints[0].kept[slot],
         joints[0].change[slot],
     )

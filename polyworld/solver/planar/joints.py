@@ -187,8 +187,7 @@ def solve_hinges(
     factorise_hinges(joints, w, slot)
     residual = find_gaps(joints, motion, w, slot)
     for j in range(joints[0].count):
-        soft = joints[0].softness[slot, j]
-        joints[0].change[slot, j] = joints[0].change[slot, j] - wp.cw_mul(soft, joints[0].impulse[w, j])
+        joints[0].kept[slot, j] = joints[0].impulse[w, j]
     solve_hinge_system(joints, slot)
     apply_changes(joints, motion, w, slot)
     for b in range(joints[0].bodies.shape[0]):
@@ -231,6 +230,7 @@ def find_openings(bodies: wp.array[Bodies], joints: wp.array[Joints], w: wp.int3
             if wp.length(gap) > wp.float64(1.0e-14) * size:  # rounding
                 opened = wp.int32(1)
         joints[0].change[slot, j] = -gap
+        joints[0].kept[slot, j] = wp.vec2d()
     return opened
 
 

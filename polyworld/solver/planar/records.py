@@ -112,7 +112,8 @@ class Joints:
     # Scratch of the direct solver, first axis S.
     diagonal: wp.array2d[wp.vec3d]  # (S, j) of the matrix, symmetric: xx, xy, yy; then inverted
     blocks: wp.array2d[wp.mat22d]  # (S, B) below it
-    softness: wp.array2d[wp.vec2d]  # (S, j) what was added to xx and yy
+    pivots: wp.array2d[wp.vec3d]  # (S, j) of the elimination: see `factorise`
+    kept: wp.array2d[wp.vec2d]  # (S, j) impulses so far, given up where redundant
     change: wp.array2d[wp.vec2d]  # (S, j) right-hand side, then solution
     mobility: wp.array2d[wp.vec2d]  # (S, n) change of a body's motion per unit force and moment
     motion: wp.array2d[wp.vec3d]  # (S, n) change of its pose

@@ -68,7 +68,7 @@ BODY_FIELDS = {
     "height": wp.float64,
 }
 
-HINGE_SCRATCH = {"diagonal": wp.vec3d, "softness": wp.vec2d, "change": wp.vec2d}
+HINGE_SCRATCH = {"diagonal": wp.vec3d, "pivots": wp.vec3d, "kept": wp.vec2d, "change": wp.vec2d}
 HINGED_SCRATCH = {
     "mobility": wp.vec2d,
     "motion": wp.vec3d,
