@@ -12,6 +12,7 @@ import warp as wp
 from polyworld.solver.core.friction import disc_impulse
 from polyworld.solver.spatial.acceleration import begin_mixing, mix_sweeps
 from polyworld.solver.spatial.constraints import ROWS
+from polyworld.solver.spatial.contact_energy import gains_energy, lower_friction
 from polyworld.solver.spatial.joint_layout import Joints
 from polyworld.solver.spatial.layout import State
 from polyworld.solver.spatial.rolling import solve_rolling, solve_spin
@@ -23,6 +24,7 @@ CONVERGED = wp.float64(1.0e-5)  # largest change in a sweep that counts as none,
 PATIENCE = 10
 LOWER = wp.float64(0.8)  # times what it was
 SMALL = wp.float64(500.0)  # times what counts as none
+TRIALS = 12  # of less friction
 PLAIN_SWEEPS = 3  # before acceleration begins: what has converged by then is not worth the memory
 
 
@@ -157,5 +159,11 @@ def contact_solver(hold: Any, accelerated: bool) -> tuple[Any, Any]:
         offset = half * state[0].max_contacts
         last = base + state[0].manifold_count[w, half]
         solve_manifolds(joints, state, w, base, last, offset, ITERATIONS, CONVERGED * state[0].slowest[w], h)
+        if wp.static(accelerated):
+            for _trial in range(TRIALS):
+                if last == base or not gains_energy(state, w):
+                    break
+                lower_friction(state, w, base, last, offset)
+                solve_manifolds(joints, state, w, base, last, offset, ITERATIONS, CONVERGED * state[0].slowest[w], h)
 
     return solve_manifolds, solve_contacts
