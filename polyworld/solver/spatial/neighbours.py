@@ -42,7 +42,7 @@ def near(state: wp.array[State], w: int, j: int, sa: Shape, xa: wp.vec3d, sb: Sh
 
 @wp.func(inline=False)
 def list_neighbours(geometry: wp.array[Geometry], state: wp.array[State], w: int, skin: wp.float64) -> None:
-    """List the pairs, in ascending order, whose bounding spheres come within `skin` of each other."""
+    """List the pairs, in ascending order, whose bounding spheres come within `skin` of each other; all with statics."""
     count = wp.int32(0)
     neighbours = state[0].neighbours[w]
     bound = geometry[0].bound
@@ -53,18 +53,8 @@ def list_neighbours(geometry: wp.array[Geometry], state: wp.array[State], w: int
         for j in range(i + 1, state[0].objects + state[0].statics):
             if geometry[0].collides[i, j] == 0:
                 continue
-            close = wp.int32(0)
-            q = geometry[0].first_shape[j]
-            if j < state[0].objects or geometry[0].placed[q] == 1:
-                far = bound[i] + bound[j] + skin
-                if wp.length_sq(xa - state[0].bodies[w, j].x) <= far * far:
-                    close = 1
-            else:
-                sa = Shape()
-                sa.bound = bound[i]
-                if near(state, w, j, sa, xa, placed_shape(geometry, state, w, j, q), skin):
-                    close = 1
-            if close == 1:
+            far = bound[i] + bound[j] + skin
+            if j >= state[0].objects or wp.length_sq(xa - state[0].bodies[w, j].x) <= far * far:
                 if count == state[0].max_neighbours:
                     state[0].overflowed[w] = 1
                     count = wp.int32(0)
