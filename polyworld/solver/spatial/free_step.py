@@ -69,4 +69,5 @@ FREE = Joining(
     solve=solve_contacts,
     carries=carries,
     finish=finish,
+    early=0.25,
 )

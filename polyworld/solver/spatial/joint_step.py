@@ -413,4 +413,5 @@ JOINED = Joining(
     solve=solve_joints,
     carries=carries,
     finish=finish_joints,
+    early=0.0,
 )

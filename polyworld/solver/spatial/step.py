@@ -15,11 +15,8 @@ from polyworld.solver.spatial.slipping import end_slips
 from polyworld.solver.spatial.system import System
 
 MAX_IMPACTS = 32  # parts into which impacts may cut a step; what is left then is solved without rebound
+MANY = 4  # impacts and parts after them, from which on bodies may rebound early, see `Joining`
 # Approaches slower than one step's fall do not rebound: a body at rest would else never come to rest.
-# Where many bodies collide in a step, those that would touch this part of it later rebound with the others: they are
-# then no farther apart than steps place them anyway, and no step is cut into many more parts than the inverse of it.
-MANY = 4  # impacts and parts after them
-EARLY = wp.float64(0.25)
 SLOWEST_IMPACT = wp.float64(1.0e-4)  # without gravity [m/s]
 
 
@@ -28,6 +25,10 @@ class Joining:
     """Joint stages of a step, as Warp functions; see `joint_step` for each, and `free_step` for none.
 
     Worlds without joints have kernels of their own, which are quicker to compile and to run.
+
+    early: where many bodies collide in a step, those that would touch this part of it later rebound with the others:
+    they are then no farther apart than steps place them anyway, and few parts are enough. 0 where joints bring bodies
+    back to each other at once: they would rebound again and again in no time.
     """
 
     solve_velocities: Any
@@ -38,13 +39,14 @@ class Joining:
     solve: Any
     carries: Any
     finish: Any
+    early: float
 
 
 def stepping(joining: Joining) -> Any:
     """Return the Warp function `advance`."""
     solve_velocities, begin, solve, finish = joining.solve_velocities, joining.begin, joining.solve, joining.finish
     longest_part, time_to_stop, carries = joining.longest_part, joining.time_to_stop, joining.carries
-    resolve_impacts = joining.resolve_impacts
+    resolve_impacts, early = joining.resolve_impacts, wp.constant(wp.float64(joining.early))
 
     @wp.func
     def advance(
@@ -77,7 +79,7 @@ def stepping(joining: Joining) -> Any:
             slowest = threshold
             state[0].early[k] = wp.float64(0.0)
             if impacts >= MANY:
-                state[0].early[k] = EARLY * h
+                state[0].early[k] = early * h
             if impacts < MAX_IMPACTS:
                 if resolve_impacts(parameters, joints, state, w, k, half, threshold) > 0:
                     impacts += 1
