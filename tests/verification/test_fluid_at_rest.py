@@ -41,7 +41,10 @@ def test_hydrostatic_pressure_over_walls_that_lie_across_the_cells() -> None:
     assert np.sqrt((v**2).mean()) < 0.02
 
 
-@pytest.mark.parametrize(("cell", "duration", "tolerance"), [(0.02, 5.0, 0.005), (0.04, 20.0, 0.01)])
+@pytest.mark.parametrize(
+    ("cell", "duration", "tolerance"),
+    [(0.02, 5.0, 0.005), pytest.param(0.04, 20.0, 0.01, marks=pytest.mark.benchmark)],
+)
 def test_settled_volume_is_that_poured_in(cell: float, duration: float, tolerance: float) -> None:
     """A column falls over and sloshes; what lies under its surface, over the last half second, is its volume."""
     run = Run(plane_world(pool("water", (0, 0), (0.4, 0.5)), size=(1.0, 1.0), cell=cell), step=0.004)

@@ -35,7 +35,7 @@ def test_floating_raft_of_half_density_draws_half_its_height() -> None:
     assert level - bottom == pytest.approx(0.1, rel=0.04)
 
 
-@pytest.mark.parametrize("density", [20.0, 200.0])
+@pytest.mark.parametrize("density", [20.0, pytest.param(200.0, marks=pytest.mark.benchmark)])
 def test_light_bodies_are_stable(density: float) -> None:
     """A raft fifty times lighter than water rises from below, jumps, and floats; it never flies off."""
     raft = _raft(density, 0.15, half=0.1)
@@ -47,7 +47,7 @@ def test_light_bodies_are_stable(density: float) -> None:
     assert np.mean(heights[-200:]) == pytest.approx(0.3 + 0.1 - 0.2 * density / 1000, abs=0.05)
 
 
-@pytest.mark.parametrize("cell", [0.02, 0.04])
+@pytest.mark.parametrize("cell", [pytest.param(0.02, marks=pytest.mark.benchmark), 0.04])
 def test_submerged_sphere_feels_archimedes_force(cell: float) -> None:
     """Force on a held sphere is the weight of the water it displaces; 2%, none sideways. In space."""
     ball = RigidObject(

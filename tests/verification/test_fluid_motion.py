@@ -41,7 +41,7 @@ def test_dam_break_front_follows_martin_and_moyce(cells: int, tolerance: float) 
     assert minimize_scalar(deviation, bounds=(0.0, 0.5), method="bounded").fun < tolerance
 
 
-@pytest.mark.parametrize(("cell", "tolerance"), [(0.02, 0.02), (0.04, 0.04)])
+@pytest.mark.parametrize(("cell", "tolerance"), [pytest.param(0.02, 0.02, marks=pytest.mark.benchmark), (0.04, 0.04)])
 def test_sloshing_has_the_frequency_of_a_standing_wave(cell: float, tolerance: float) -> None:
     """omega^2 = g k tanh(k h), k = pi / L, first mode of a box (Lamb 1932, art. 228)."""
     length, depth, amplitude = 0.96, 0.32, 0.02

@@ -55,7 +55,9 @@ def _run(
     return own.points[0], own.velocities[0], kinetic, height
 
 
-@pytest.mark.parametrize(("thickness", "fastest"), [(0.0004, 0.04), (0.004, 0.15)])
+@pytest.mark.parametrize(
+    ("thickness", "fastest"), [pytest.param(0.0004, 0.04, marks=pytest.mark.benchmark), (0.004, 0.15)]
+)
 def test_light_sheet_hung_in_still_water_comes_to_rest(thickness: float, fastest: float) -> None:
     """One as heavy as water hangs still; one of foam, a tenth as heavy, rises and then lies still on the surface."""
     points, velocities, _, _ = _run(HANGING, thickness, 2.0, BAR)

@@ -67,7 +67,7 @@ def elastica_tips(segments: int) -> np.ndarray:
     return -batch.deformables["rope"].points[:, -1, -1, 2] / length
 
 
-@pytest.mark.parametrize(("segments", "tolerance"), [(40, 0.005), (20, 0.01)])
+@pytest.mark.parametrize(("segments", "tolerance"), [pytest.param(40, 0.005, marks=pytest.mark.benchmark), (20, 0.01)])
 def test_loaded_cantilever_is_an_elastica(segments: int, tolerance: float) -> None:
     """Bisshopp & Drucker 1945 (Q. Appl. Math. 3, 272): drop/L at P L^2/EI = 1, 2, 5, 10, to 0.5% at 40 segments."""
     np.testing.assert_allclose(elastica_tips(segments), list(ELASTICA.values()), rtol=tolerance)

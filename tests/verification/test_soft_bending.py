@@ -53,11 +53,11 @@ def load_tip(bench: Bench, force: float, depth: float = DEPTH) -> None:
     ("layers", "nu", "planar", "tolerance"),
     [
         (2, 0.3, False, 0.02),
-        (1, 0.3, False, 0.04),
-        (2, 0.45, False, 0.02),
+        pytest.param(1, 0.3, False, 0.04, marks=pytest.mark.benchmark),
+        pytest.param(2, 0.45, False, 0.02, marks=pytest.mark.benchmark),
         (1, 0.45, False, 0.04),
         (2, 0.3, True, 0.02),
-        (1, 0.3, True, 0.04),
+        pytest.param(1, 0.3, True, 0.04, marks=pytest.mark.benchmark),
         (2, 0.49, True, 0.02),
     ],
 )
