@@ -142,7 +142,7 @@ def scene_tables(scenes: Sequence[str], quick: bool) -> list[Table]:
             "Engines under the same cross-entropy method",
             f"{budgets[1] // POPULATION or 1} generations of {min(POPULATION, budgets[1])} rollouts on each engine, "
             f"from the same box of unknowns. MuJoCo: `mujoco.batch`, free bodies on a floor, steps of "
-            f"{mujoco_step:.1f} ms (twice as long does not resolve its contacts); PolyWorld: "
+            f"{mujoco_step:.1f} ms; PolyWorld: "
             f"{1e3 * SUBSTEP:.0f} ms. Straight lines: constant deceleration, no collisions (the "
             f"paper's simple model is another one, which it does not define). Otherwise as above.",
             fits,
