@@ -1,0 +1,535 @@
+"""What the viewer shows of a case: plain values and blocks of numbers, SI units throughout.
+
+The page reads the same description: `web/src/document.ts` is generated from these models (`python -m
+atw_mcp.viewer.typescript`).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+FORMAT = "atw-view/1"
+
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Quaternion = Annotated[list[float], Field(min_length=4, max_length=4, description="w, x, y, z")]
+Interval = Annotated[list[float | None], Field(min_length=2, max_length=2)]
+MovingKind = Literal["rigid", "rope", "cloth", "soft", "fluid"]
+
+
+class Part(BaseModel):
+    """A part of a document."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class Block(Part):
+    """An array in the binary section of a packed document, in C order, little-endian; float32 may hold NaN."""
+
+    dtype: Literal["float32", "int32", "uint16", "uint8"]
+    shape: list[int]
+    offset: int = Field(description="of its first byte in the binary section, a multiple of 4")
+
+
+# --- the case ---
+
+
+class Answer(Part):
+    """An answer to a question of the case."""
+
+    question: str
+    answer: str | None = Field(description="null: unresolved")
+    confidence: float | None
+    evidence: list[str] = Field(description="ids of the evidence it rests on")
+    missing: str = Field(description="why it is unresolved; empty where it is not")
+
+
+class Binding(Part):
+    """What a name in a question stands for."""
+
+    name: str
+    track: str | None
+    object: str | None
+
+
+class CaseView(Part):
+    """The case itself."""
+
+    id: str
+    kind: Literal["video", "data", "none"] = Field(description="none: a case opened by name, without a file")
+    file: str = Field(description="name of its file; empty without one")
+    questions: list[str]
+    answers: list[Answer] = Field(description="oldest first")
+    bindings: list[Binding]
+    committed_world: str | None
+
+
+class EvidenceRow(Part):
+    """A result of a tool."""
+
+    id: str
+    tool: str
+    status: Literal["running", "completed", "failed", "cancelled", "diverged"]
+    summary: str
+    world: str | None
+    rollout: str | None
+    observation: str | None
+    objects: list[str]
+    interval: Interval | None = Field(description="[s]")
+
+
+class Node(Part):
+    """A record that results rest on."""
+
+    id: str
+    kind: Literal["case", "observation", "world", "fit", "rollout", "evidence", "answer"]
+    title: str = Field(description="a word or two")
+    detail: str = Field(description="a sentence")
+
+
+class Edge(Part):
+    """One record derived from another."""
+
+    source: str = Field(description="id of the node it was derived from")
+    target: str = Field(description="id of the node derived")
+    how: str
+
+
+class Provenance(Part):
+    """From the answers back to the pixels."""
+
+    nodes: list[Node]
+    edges: list[Edge]
+
+
+# --- what was observed ---
+
+
+class Film(Part):
+    """The video of the case as a browser can play it."""
+
+    mime: str
+    data: Block | None = Field(description="uint8, the file; null where `url` says where it is")
+    url: str | None
+    width: int = Field(description="of the original frames, to which all pixels refer [px]")
+    height: int = Field(description="[px]")
+    frame_count: int
+    media_times: Block = Field(description="float32 (frame_count,): when each frame begins in this file [s]")
+    note: str = Field(description="how it was made from the case's file")
+
+
+class Outlined(Part):
+    """The outlines of one observed object."""
+
+    name: str
+    color: str = Field(description="#rrggbb")
+    points: Block = Field(description="uint16 (p, 2): corners of polygons, pixels of the original frame")
+    starts: Block = Field(description="int32 (q + 1,): where each polygon begins in points")
+    frames: Block = Field(description="int32 (q,): the frame of each polygon, ascending")
+    status: list[str] = Field(description="one a frame of `Observed.frames`")
+    confidence: Block = Field(description="float32 (F,)")
+
+
+class Observed(Part):
+    """What was seen in the video."""
+
+    id: str
+    frames: Block = Field(description="int32 (F,): frame numbers that were looked at")
+    objects: list[Outlined]
+
+
+class Tracks(Part):
+    """Measured positions of one run."""
+
+    id: str
+    run: str = Field(description="empty where there is but one")
+    names: list[str]
+    times: Block = Field(description="float32 (T,) [s], in the time base of the worlds that model it")
+    positions: Block = Field(description="float32 (T, n, 3) [m], NaN where there is none")
+    sigma: Block = Field(description="float32 (T, n) standard deviation of a coordinate [m], NaN where unknown")
+    held_out_from: float | None = Field(description="time from which on they were held out of fits [s]")
+
+
+# --- worlds ---
+
+
+class Sphere(Part):
+    """A ball."""
+
+    kind: Literal["sphere"] = "sphere"
+    radius: float = Field(description="[m]")
+
+
+class Box(Part):
+    """A box centred on the origin of its body."""
+
+    kind: Literal["box"] = "box"
+    half_extents: Vector = Field(description="[m]")
+
+
+class Cylinder(Part):
+    """A cylinder about z."""
+
+    kind: Literal["cylinder"] = "cylinder"
+    radius: float = Field(description="[m]")
+    half_height: float = Field(description="[m]")
+
+
+class Capsule(Part):
+    """A cylinder about z with half-spheres on its ends."""
+
+    kind: Literal["capsule"] = "capsule"
+    radius: float = Field(description="[m]")
+    half_height: float = Field(description="half the distance of the caps' centres [m]")
+
+
+class Mesh(Part):
+    """Triangles."""
+
+    kind: Literal["mesh"] = "mesh"
+    vertices: Block = Field(description="float32 (k, 3) in body axes [m]")
+    triangles: Block = Field(description="int32 (t, 3), counter-clockwise from outside")
+
+
+class Plane(Part):
+    """A half space; points with normal · p <= offset are solid."""
+
+    kind: Literal["plane"] = "plane"
+    normal: Vector
+    offset: float = Field(description="[m]")
+
+
+Shape = Annotated[Sphere | Box | Cylinder | Capsule | Mesh | Plane, Field(discriminator="kind")]
+
+
+class Moving(Part):
+    """An object that moves: a column of every rollout."""
+
+    name: str
+    kind: MovingKind
+    color: str = Field(description="#rrggbb")
+    mass: float | None = Field(description="[kg]")
+    shape: Shape | None = Field(description="of a rigid object")
+    radius: float | None = Field(description="of a rope's line or a fluid's particle [m]")
+    segments: Block | None = Field(description="int32 (s, 2): points that a rope joins")
+    triangles: Block | None = Field(description="int32 (t, 3): points that are corners of cloth or of a soft surface")
+    start_time: float = Field(description="when it joins the world [s]")
+
+
+class Static(Part):
+    """A fixed solid."""
+
+    name: str
+    color: str
+    shape: Shape
+    position: Vector = Field(description="[m]")
+    orientation: Quaternion
+
+
+class JointMark(Part):
+    """A joint, an attachment or a pulley, drawn where it is at the start and carried by its objects."""
+
+    name: str
+    kind: str = Field(description="hinge, slider, ball, fixed, spring, attachment, pulley, ...")
+    object: str
+    other: str | None = Field(description="null: the world")
+    anchor: Vector = Field(description="in world axes at the start [m]")
+    other_anchor: Vector | None = Field(description="of a spring [m]")
+    axis: Vector | None = Field(description="of a hinge, slider or pulley, world axes at the start")
+    radius: float | None = Field(description="of a pulley [m]")
+
+
+class Region(Part):
+    """A box of space that means something: a fluid's grid, a container, an emitter, a drain."""
+
+    name: str
+    kind: str
+    lower: Vector = Field(description="[m]")
+    upper: Vector = Field(description="[m]")
+
+
+class Value(Part):
+    """A number with its unit."""
+
+    name: str
+    value: float
+    unit: str = Field(description="1 where it has none")
+
+
+class Field3(Part):
+    """What an effect does in space, at the start."""
+
+    points: Block = Field(description="float32 (k, 3) [m]")
+    vectors: Block = Field(description="float32 (k, 3)")
+    unit: str
+
+
+class EffectMark(Part):
+    """A law beyond the base model."""
+
+    name: str
+    kind: str
+    law: str = Field(description="its formula, in words")
+    enabled: bool
+    objects: list[str] | None = Field(description="null: all")
+    parameters: list[Value]
+    field: Field3 | None = Field(description="null where it has no field in space, or none that was evaluated")
+
+
+class CameraView(Part):
+    """A pinhole camera: pixel ~ K (R X + t)."""
+
+    width: int
+    height: int
+    intrinsics: list[list[float]]
+    rotation: list[list[float]]
+    translation: Vector
+
+
+class WorldView(Part):
+    """A world."""
+
+    id: str
+    label: str = Field(description="a few words: as built, as fitted, without blue_cube")
+    origin: str = Field(description="built, fitted, intervention, effect, ...")
+    parent: str | None
+    committed: bool
+    planar: bool
+    seconds_per_frame: float
+    frame_count: int = Field(description="observed frames that it models; 0: none")
+    gravity: Vector
+    camera: CameraView | None
+    moving: list[Moving]
+    statics: list[Static]
+    joints: list[JointMark]
+    regions: list[Region]
+    effects: list[EffectMark]
+    floor: Plane | None = Field(description="the plane that planar objects slide on; null where there is none")
+    parameters: list[Value] = Field(description="of objects, joints, effects: ball.mass, ...")
+
+
+# --- rollouts ---
+
+
+class Quantity(Part):
+    """A series of a rollout."""
+
+    name: str = Field(description="kinetic_energy, potential_energy, tension, volume, ...")
+    object: str
+    unit: str
+    values: Block = Field(description="float32 (T,)")
+
+
+class Deformed(Part):
+    """Points of a deformable object."""
+
+    name: str
+    points: Block = Field(description="float32 (T, k, 3) [m], NaN for particles that are not there")
+
+
+class EventMark(Part):
+    """An event of a rollout."""
+
+    kind: Literal["contact_begin", "contact_end", "entry", "exit", "rest", "release"]
+    time: float = Field(description="[s]")
+    participants: list[str]
+    position: Vector | None
+    impulse: float | None = Field(description="[N s]")
+    speed: float | None = Field(description="[m/s]")
+
+
+class EffectPush(Part):
+    """The acceleration that an effect gives each object."""
+
+    effect: str
+    accelerations: Block = Field(description="float32 (T, n, 3) [m/s^2]; 0 where it does not act")
+
+
+class Misfit(Part):
+    """How far a rollout is from what was observed of an object."""
+
+    object: str
+    times: Block = Field(description="float32 (F,) [s]")
+    distance: Block = Field(description="float32 (F,) [m], NaN where nothing was observed")
+    sigmas: Block = Field(description="float32 (F,) in standard deviations of the measurement, NaN where unknown")
+    rms: float | None = Field(description="root mean square distance [m]")
+
+
+class EditWords(Part):
+    """An intervention that made a branch."""
+
+    action: str
+    object: str | None
+    text: str
+
+
+class RolloutView(Part):
+    """A world run forward."""
+
+    id: str
+    world: str
+    label: str
+    base: str | None = Field(description="rollout of the unedited world; null where this is one, or it was not run")
+    edits: list[EditWords] = Field(description="empty where it is no branch")
+    status: Literal["completed", "diverged", "truncated"]
+    why_ended: str | None
+    horizon: float = Field(description="[s]")
+    names: list[str] = Field(description="columns: all of the world's moving objects")
+    times: Block = Field(description="float32 (T,) [s]")
+    positions: Block = Field(description="float32 (T, n, 3) [m]")
+    orientations: Block = Field(description="float32 (T, n, 4) w, x, y, z")
+    velocities: Block = Field(description="float32 (T, n, 3) [m/s]")
+    spins: Block = Field(description="float32 (T, n, 3) [rad/s]")
+    active: Block = Field(description="uint8 (T, n)")
+    deformed: list[Deformed]
+    quantities: list[Quantity]
+    events: list[EventMark]
+    pushes: list[EffectPush]
+    misfits: list[Misfit] = Field(description="empty for branches, which are meant to differ")
+    sampled: str = Field(description="empty, or how the samples shown were chosen from those stored")
+
+
+class Displaced(Part):
+    """How far an object is from where it was in another rollout."""
+
+    object: str
+    most: float = Field(description="greatest distance [m]")
+    time: float = Field(description="when [s]")
+
+
+class ComparisonView(Part):
+    """Two rollouts compared."""
+
+    base: str
+    edited: str
+    evidence: str | None
+    summary: str
+    displaced: list[Displaced]
+    gone: list[EventMark] = Field(description="events of base that edited lacks")
+    new: list[EventMark]
+
+
+# --- fits ---
+
+
+class FittedParameter(Part):
+    """A fitted parameter with its spread."""
+
+    name: str
+    value: float
+    unit: str
+    interval95: Interval | None
+    bounds: Interval | None = Field(description="of its search")
+    at_bound: bool
+    sample: Block | None = Field(description="float32 (k,): values that the data allow")
+
+
+class Curve(Part):
+    """The error over the course of a search."""
+
+    step: str = Field(description="what is counted: generation, evaluation, iteration")
+    steps: list[float]
+    current: list[float | None]
+    best: list[float | None]
+    unit: str
+
+
+class FitView(Part):
+    """A fit."""
+
+    evidence: str
+    source_world: str | None
+    world: str | None
+    summary: str
+    parameters: list[FittedParameter]
+    curve: Curve | None
+
+
+# --- the gap ---
+
+
+class GapSeries(Part):
+    """Residuals of one object in one run, before an effect was added and after."""
+
+    run: str
+    object: str
+    times: Block = Field(description="float32 (T,) [s]")
+    observed: Block = Field(description="float32 (T, 3) [m]")
+    before: Block = Field(description="float32 (T, 3) simulated without the effect [m]")
+    residual_before: Block = Field(description="float32 (T, 3) in standard deviations of the noise")
+    after: Block | None = Field(description="float32 (T, 3) simulated with the effect [m]")
+    residual_after: Block | None
+    held_out: list[Interval] = Field(description="intervals of time held out of the fit [s]")
+
+
+class Jump(Part):
+    """The impulse that is missing between two segments of a run fitted with weak continuity."""
+
+    run: str
+    object: str
+    time: float = Field(description="[s]")
+    sigmas: float = Field(description="its size, in its standard deviations")
+    position: Vector | None = Field(description="[m]")
+    velocity_change: Vector | None = Field(description="[m/s]")
+
+
+class Candidate(Part):
+    """A hypothesis about what is missing."""
+
+    title: str
+    behind: float | None = Field(description="extended BIC above that of the best; null where it diverges")
+    explains: bool
+    values: list[FittedParameter]
+
+
+class GapView(Part):
+    """A step of the gap workflow: a discrepancy found, effects proposed, or an effect added."""
+
+    evidence: str
+    tool: Literal["FindDiscrepancy", "ProposeEffects", "AddEffect"]
+    world: str | None
+    verdict: str
+    summary: str
+    series: list[GapSeries]
+    jumps: list[Jump]
+    candidates: list[Candidate] = Field(description="best first")
+    gap_before: float | None = Field(description="on held-out data [m]")
+    gap_after: float | None = Field(description="on held-out data [m]")
+    noise: float | None = Field(description="[m]")
+
+
+# --- work under way ---
+
+
+class Running(Part):
+    """Work that is not finished."""
+
+    evidence: str
+    tool: str
+    message: str
+    done: float
+    total: float | None
+    seconds_left: float | None
+    curve: Curve | None
+
+
+class ViewDocument(Part):
+    """Everything that the viewer shows of one case."""
+
+    format: Literal["atw-view/1"] = FORMAT
+    made_by: str = Field(description="atw-mcp and its version")
+    case: CaseView
+    missing: list[str] = Field(description="what is not shown, and why; one sentence each")
+    film: Film | None
+    observed: Observed | None
+    tracks: list[Tracks]
+    worlds: list[WorldView] = Field(description="oldest first")
+    rollouts: list[RolloutView] = Field(description="oldest first")
+    comparisons: list[ComparisonView]
+    fits: list[FitView]
+    gaps: list[GapView]
+    evidence: list[EvidenceRow] = Field(description="oldest first")
+    provenance: Provenance
+    running: list[Running]
+    shown: list[str] = Field(description="ids of one or two rollouts to open with; empty: the viewer chooses")

@@ -1,0 +1,10 @@
+import { render } from "preact";
+import { Shell } from "./shell";
+import { open } from "./source";
+import { runClock } from "./state";
+import "uplot/dist/uPlot.min.css";
+import "./style.css";
+
+render(<Shell />, document.getElementById("app")!);
+runClock();
+void open();

@@ -1,0 +1,4 @@
+/** Not yet written. */
+export function Film() {
+  return <section aria-label="film" />;
+}

@@ -1,0 +1,4 @@
+/** Not yet written. */
+export function Fits() {
+  return <section aria-label="fits" />;
+}

@@ -1,0 +1,4 @@
+/** Not yet written. */
+export function Gap() {
+  return <section aria-label="gap" />;
+}

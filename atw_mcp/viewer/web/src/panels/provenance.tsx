@@ -1,0 +1,4 @@
+/** Not yet written. */
+export function Provenance() {
+  return <section aria-label="provenance" />;
+}

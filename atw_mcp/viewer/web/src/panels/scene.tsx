@@ -1,0 +1,4 @@
+/** Not yet written. */
+export function Scene() {
+  return <section aria-label="scene" />;
+}

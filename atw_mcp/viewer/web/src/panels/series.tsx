@@ -1,0 +1,4 @@
+/** Not yet written. */
+export function Series() {
+  return <section aria-label="series" />;
+}

@@ -1,0 +1,4 @@
+/** Not yet written. */
+export function Timeline() {
+  return <section aria-label="timeline" />;
+}

@@ -1,0 +1,110 @@
+// What is shown now: one clock, one or two rollouts, one chosen object. Panels read and write these signals only.
+import { computed, effect, signal } from "@preact/signals";
+import type { RolloutView, WorldView } from "./document";
+import type { Opened } from "./unpack";
+
+export type Layout = "one" | "side" | "ghost";
+export type Eye = "orbit" | "video" | "plan";
+
+export const opened = signal<Opened | null>(null);
+/** Why there is nothing to show; "" while loading. */
+export const failure = signal("");
+export const live = signal(false);
+
+/** Ids of the rollout shown and of the one it is compared with. */
+export const chosen = signal<string | null>(null);
+export const compared = signal<string | null>(null);
+export const layout = signal<Layout>("one");
+
+/** [s] since the start of the rollouts. */
+export const time = signal(0);
+export const playing = signal(false);
+/** Seconds of the world a second of the viewer's. */
+export const speed = signal(1);
+export const loop = signal(true);
+
+/** Name of the chosen object: highlighted, its series shown. */
+export const object = signal<string | null>(null);
+/** Name of the object that the orbiting eye follows. */
+export const followed = signal<string | null>(null);
+export const eye = signal<Eye>("orbit");
+
+export const document = computed(() => opened.value?.document ?? null);
+export const rollout = computed(() => rolloutOf(chosen.value));
+export const other = computed(() => (layout.value === "one" ? null : rolloutOf(compared.value)));
+export const world = computed(() => worldOf(rollout.value?.world ?? null));
+export const otherWorld = computed(() => worldOf(other.value?.world ?? null));
+
+/** Length of what is shown [s]. */
+export const duration = computed(() => {
+  const film = document.value?.film ?? null;
+  const spf = world.value?.seconds_per_frame ?? 0;
+  const ends = [rollout.value, other.value].map((r) => (r ? lastTime(r) : 0));
+  if (!rollout.value && film) ends.push((film.frame_count - 1) * (spf || 0.04));
+  return Math.max(0, ...ends);
+});
+
+/** Frame of the video at the present time, not rounded; null where no world says how long a frame takes. */
+export const frame = computed(() => {
+  const spf = world.value?.seconds_per_frame ?? document.value?.worlds.at(-1)?.seconds_per_frame ?? 0.04;
+  return time.value / spf;
+});
+
+export function rolloutOf(id: string | null): RolloutView | null {
+  return document.value?.rollouts.find((r) => r.id === id) ?? null;
+}
+
+export function worldOf(id: string | null): WorldView | null {
+  return document.value?.worlds.find((w) => w.id === id) ?? null;
+}
+
+export function lastTime(r: RolloutView): number {
+  const times = opened.value!.floats(r.times);
+  return times.length ? times[times.length - 1]! : 0;
+}
+
+/** Show a document: keep what was chosen where it still exists. */
+export function show(next: Opened): void {
+  const before = { chosen: chosen.value, compared: compared.value };
+  opened.value = next;
+  const doc = next.document;
+  const exists = (id: string | null | undefined) => doc.rollouts.some((r) => r.id === id);
+  if (!exists(before.chosen)) {
+    const base = doc.rollouts.findLast((r) => r.edits.length === 0) ?? doc.rollouts.at(-1);
+    chosen.value = exists(doc.shown[0]) ? doc.shown[0]! : (base?.id ?? null);
+  }
+  if (!exists(before.compared)) {
+    const branch = doc.rollouts.findLast((r) => r.edits.length > 0 && r.id !== chosen.value);
+    compared.value = exists(doc.shown[1]) ? doc.shown[1]! : (branch?.id ?? null);
+    if (doc.shown.length > 1 && compared.value) layout.value = "ghost";
+  }
+}
+
+export function seek(t: number): void {
+  time.value = Math.min(Math.max(t, 0), duration.value);
+}
+
+let before = 0;
+/** Advance the clock with the display while playing. */
+export function runClock(): void {
+  effect(() => {
+    if (!playing.value) return;
+    before = performance.now();
+    requestAnimationFrame(tick);
+  });
+}
+
+function tick(now: number): void {
+  if (!playing.value) return;
+  let next = time.value + ((now - before) / 1000) * speed.value;
+  before = now;
+  if (next >= duration.value) {
+    if (loop.value && duration.value > 0) next %= duration.value;
+    else {
+      next = duration.value;
+      playing.value = false;
+    }
+  }
+  time.value = next;
+  requestAnimationFrame(tick);
+}
