@@ -72,6 +72,7 @@ FLOORS = {
         ("fitting",),
         ("probing",),
         ("gap",),
+        ("viewer",),
         ("tools",),
         ("transports",),
     ),

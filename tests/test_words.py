@@ -12,7 +12,9 @@ SOURCES = sorted(
     path
     for folder in ("atw_mcp", "polyworld", "evidence_store", "prompts")
     for path in (ROOT / folder).rglob("*")
-    if path.suffix in (".py", ".md")
+    if path.suffix in (".py", ".md", ".ts", ".tsx", ".mjs", ".css", ".html")
+    and "node_modules" not in path.parts
+    and path.name != "viewer.html"  # bundled
 )
 INSTEAD = {
     r"told|tells?|telling|untold": "reports, states, shows, distinguishes",

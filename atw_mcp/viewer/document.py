@@ -1,4 +1,4 @@
-"""What the viewer shows of a case: plain values and blocks of numbers, SI units throughout.
+"""Describe what the viewer shows of a case: plain values and blocks of numbers, SI units throughout.
 
 The page reads the same description: `web/src/document.ts` is generated from these models (`python -m
 atw_mcp.viewer.typescript`).
@@ -9,8 +9,6 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
-
-FORMAT = "atw-view/1"
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[float], Field(min_length=4, max_length=4, description="w, x, y, z")]
@@ -46,7 +44,7 @@ class Answer(Part):
 
 
 class Binding(Part):
-    """What a name in a question stands for."""
+    """The meaning of a name in a question."""
 
     name: str
     track: str | None
@@ -132,7 +130,7 @@ class Outlined(Part):
 
 
 class Observed(Part):
-    """What was seen in the video."""
+    """Outlines of all objects seen in the video."""
 
     id: str
     frames: Block = Field(description="int32 (F,): frame numbers that were looked at")
@@ -258,7 +256,7 @@ class Value(Part):
 
 
 class Field3(Part):
-    """What an effect does in space, at the start."""
+    """The field of an effect in space, at the start."""
 
     points: Block = Field(description="float32 (k, 3) [m]")
     vectors: Block = Field(description="float32 (k, 3)")
@@ -517,7 +515,7 @@ class Running(Part):
 class ViewDocument(Part):
     """Everything that the viewer shows of one case."""
 
-    format: Literal["atw-view/1"] = FORMAT
+    format: Literal["atw-view/1"] = "atw-view/1"
     made_by: str = Field(description="atw-mcp and its version")
     case: CaseView
     missing: list[str] = Field(description="what is not shown, and why; one sentence each")

@@ -39,10 +39,10 @@ class Blocks:
         """Keep whole numbers 0..65535, such as pixels, as uint16."""
         return self._keep(np.asarray(values), "uint16")
 
-    def bytes(self, values: ArrayLike | bytes) -> Block:
+    def raw(self, values: ArrayLike | bytes) -> Block:
         """Keep bytes or booleans as uint8."""
-        raw = np.frombuffer(values, np.uint8) if isinstance(values, bytes) else np.asarray(values)
-        return self._keep(raw, "uint8")
+        octets = np.frombuffer(values, np.uint8) if isinstance(values, bytes) else np.asarray(values)
+        return self._keep(octets, "uint8")
 
     def _keep(self, values: NDArray[Any], dtype: Any) -> Block:
         data = np.ascontiguousarray(values, dtype=np.dtype(dtype).newbyteorder("<")).tobytes()

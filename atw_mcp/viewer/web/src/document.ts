@@ -12,7 +12,7 @@ export interface Answer {
   missing: string;
 }
 
-/** What a name in a question stands for. */
+/** The meaning of a name in a question. */
 export interface Binding {
   name: string;
   track: string | null;
@@ -186,7 +186,7 @@ export interface EvidenceRow {
   interval: (number | null)[] | null;
 }
 
-/** What an effect does in space, at the start. */
+/** The field of an effect in space, at the start. */
 export interface Field3 {
   /** float32 (k, 3) [m] */
   points: Block;
@@ -357,7 +357,7 @@ export interface Node {
   detail: string;
 }
 
-/** What was seen in the video. */
+/** Outlines of all objects seen in the video. */
 export interface Observed {
   id: string;
   /** int32 (F,): frame numbers that were looked at */
