@@ -226,7 +226,11 @@ class Static(Part):
 
 
 class JointMark(Part):
-    """A joint, an attachment or a pulley, drawn where it is at the start and carried by its objects."""
+    """A joint, an attachment or a pulley, where it is at the start.
+
+    `anchor` moves with `object` where that is rigid, else with `other` where that is; else it stays. `other_anchor`
+    moves with `other`, else stays. An attachment is where the points of `object` that it holds are.
+    """
 
     name: str
     kind: str = Field(description="hinge, slider, ball, fixed, spring, attachment, pulley, ...")
@@ -236,6 +240,7 @@ class JointMark(Part):
     other_anchor: Vector | None = Field(description="of a spring [m]")
     axis: Vector | None = Field(description="of a hinge, slider or pulley, world axes at the start")
     radius: float | None = Field(description="of a pulley [m]")
+    held: list[int] = Field(default=[], description="points of `object` that an attachment holds")
 
 
 class Region(Part):
@@ -245,6 +250,7 @@ class Region(Part):
     kind: str
     lower: Vector = Field(description="[m]")
     upper: Vector = Field(description="[m]")
+    object: str | None = Field(default=None, description="rigid object that carries it; null: it stays")
 
 
 class Value(Part):

@@ -273,7 +273,7 @@ export interface GapView {
   noise: number | null;
 }
 
-/** A joint, an attachment or a pulley, drawn where it is at the start and carried by its objects. */
+/** A joint, an attachment or a pulley, where it is at the start. `anchor` moves with `object` where that is rigid, else with `other` where that is; else it stays. `other_anchor` moves with `other`, else stays. An attachment is where the points of `object` that it holds are. */
 export interface JointMark {
   name: string;
   /** hinge, slider, ball, fixed, spring, attachment, pulley, ... */
@@ -289,6 +289,8 @@ export interface JointMark {
   axis: number[] | null;
   /** of a pulley [m] */
   radius: number | null;
+  /** points of `object` that an attachment holds */
+  held: number[];
 }
 
 /** The impulse that is missing between two segments of a run fitted with weak continuity. */
@@ -414,6 +416,8 @@ export interface Region {
   lower: number[];
   /** [m] */
   upper: number[];
+  /** rigid object that carries it; null: it stays */
+  object: string | null;
 }
 
 /** A world run forward. */
