@@ -13,7 +13,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from atw_mcp import client_configuration, exchange_commands, server_process, store_commands
+from atw_mcp import client_configuration, exchange_commands, server_process, store_commands, viewer_commands
 from atw_mcp.allowed_paths import add_allow, allowed_here
 from atw_mcp.calls.spelling import did_you_mean
 from atw_mcp.calls.toolsets import Selection, add_selection
@@ -165,6 +165,7 @@ def _parser() -> argparse.ArgumentParser:
         )
 
     gap_command.add_parser(commands)
+    viewer_commands.add_parser(commands)
     store_commands.add_parser(commands)
     exchange_commands.add_parser(commands)
     client_configuration.add_parser(commands)
@@ -188,7 +189,7 @@ class _ShowVersion(argparse.Action):
     """Finds the version out only when it is asked for."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from atw_mcp.version import installed_version
+        from atw_mcp.calls.version import installed_version
 
         print(f"atw-mcp {installed_version()}")
         parser.exit()

@@ -61,8 +61,8 @@ from atw_mcp.calls.prompting import PromptServer, add_prompts
 from atw_mcp.calls.tasks import TasksExtension
 from atw_mcp.calls.toolbox import ToolGroup, WorldTool
 from atw_mcp.calls.toolsets import ALL, Selection, instructions
+from atw_mcp.calls.version import installed_version
 from atw_mcp.tools import manifest
-from atw_mcp.version import installed_version
 
 GROUPS: tuple[ToolGroup, ...] = ()
 """Tools that are served beside those of the manifest: tests add theirs."""

@@ -8,6 +8,7 @@ browsers decompress by themselves.
 from __future__ import annotations
 
 import gzip
+import hashlib
 import struct
 from typing import Any
 
@@ -21,11 +22,12 @@ ALIGNMENT = 4  # bytes: typed arrays of JavaScript begin at multiples of the siz
 
 
 class Blocks:
-    """The binary section of a document under construction."""
+    """The binary section of a document under construction. Equal arrays are kept once."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
         self._size = 0
+        self._known: dict[tuple[str, tuple[int, ...], bytes], Block] = {}
 
     def floats(self, values: ArrayLike) -> Block:
         """Keep numbers as float32."""
@@ -46,8 +48,11 @@ class Blocks:
 
     def _keep(self, values: NDArray[Any], dtype: Any) -> Block:
         data = np.ascontiguousarray(values, dtype=np.dtype(dtype).newbyteorder("<")).tobytes()
-        block = Block(dtype=dtype, shape=list(values.shape), offset=self._size)
-        padding = -len(data) % ALIGNMENT if data else ALIGNMENT  # so that no two arrays share an offset
+        key = (dtype, values.shape, hashlib.sha256(data).digest())
+        if key in self._known:
+            return self._known[key]
+        block = self._known[key] = Block(dtype=dtype, shape=list(values.shape), offset=self._size)
+        padding = -len(data) % ALIGNMENT if data else ALIGNMENT  # so that no two different arrays share an offset
         self._parts.append(data + b"\0" * padding)
         self._size += len(data) + padding
         return block

@@ -1,0 +1,18 @@
+"""The page with a document inside: one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+
+FILE = Path(__file__).parent / "viewer.html"
+PLACE = "<!--document-->"
+
+
+def page(document: bytes) -> str:
+    """Return the page that shows a packed document. Raises FileNotFoundError where the page was never built."""
+    if not FILE.is_file():
+        raise FileNotFoundError(f"{FILE} is missing: `node build.mjs` in atw_mcp/viewer/web makes it")
+    text = base64.b64encode(document).decode("ascii")
+    inside = f'<script type="application/octet-stream" id="document">{text}</script>'
+    return FILE.read_text(encoding="utf-8").replace(PLACE, inside, 1)
