@@ -135,6 +135,9 @@ class Observed(Part):
     id: str
     frames: Block = Field(description="int32 (F,): frame numbers that were looked at")
     objects: list[Outlined]
+    camera_motion: Block | None = Field(
+        default=None, description="float32 (F, 2, 3): maps from the first frame's pixels to each frame's; null: none"
+    )
 
 
 class Tracks(Part):

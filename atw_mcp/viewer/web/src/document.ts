@@ -365,6 +365,8 @@ export interface Observed {
   /** int32 (F,): frame numbers that were looked at */
   frames: Block;
   objects: Outlined[];
+  /** float32 (F, 2, 3): maps from the first frame's pixels to each frame's; null: none */
+  camera_motion: Block | null;
 }
 
 /** The outlines of one observed object. */
