@@ -117,6 +117,43 @@ def read_frames(path: str | Path, indices: Sequence[int] | None = None, *, strid
     return np.stack([kept[i] for i in sorted(kept)])
 
 
+def each_frame(path: str | Path) -> Iterator[Frames]:
+    """Yield the frames (height, width, 3) of a video as `read_frames` returns them, one at a time."""
+    for _, frame in _decode(existing_file(path)):
+        yield frame
+
+
+@dataclass(frozen=True)
+class Coding:
+    """How a video file holds its frames.
+
+    codec, pixels: four characters each; declared: the number of frames by its header; times (T,): when each frame that
+    decodes begins by the file's own clock [s].
+    """
+
+    codec: str
+    pixels: str
+    declared: int
+    times: NDArray[np.float64]
+
+
+def coding(path: str | Path) -> Coding:
+    """Read how a video file holds its frames; raises VideoError as `probe` does."""
+    capture = _open(existing_file(path))
+    try:
+        times = []
+        while capture.grab():
+            times.append(1e-3 * float(capture.get(cv2.CAP_PROP_POS_MSEC)))
+        return Coding(
+            codec=_letters(capture.get(cv2.CAP_PROP_FOURCC)),
+            pixels=_letters(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)),
+            declared=_declared_count(capture),
+            times=np.asarray(times, dtype=float),
+        )
+    finally:
+        capture.release()
+
+
 def existing_file(path: str | Path) -> Path:
     """Return the file at `path`; raises VideoError saying why it cannot be read."""
     file = Path(path).expanduser()
@@ -170,6 +207,10 @@ def _decode(file: Path) -> Iterator[tuple[int, Frames]]:
             number += 1
     finally:
         capture.release()
+
+
+def _letters(code: float) -> str:
+    return (int(code) & 0xFFFFFFFF).to_bytes(4, "little").decode("latin-1")
 
 
 def _sha256(file: Path) -> str:
