@@ -1,0 +1,174 @@
+// The solids of a world at any time of a rollout, as three.js objects: z up, metres.
+import { EdgesGeometry, Group, LineBasicMaterial, LineSegments, Mesh, type Object3D, type BufferGeometry, type Material } from "three";
+import type { Deformed, Moving, RolloutView, WorldView } from "../document";
+import type { Opened } from "../unpack";
+import { extentOf } from "./extent";
+import { fluid } from "./fluid";
+import { surface, type Style } from "./looks";
+import { rope, type Deformable } from "./rope";
+import { held, lerp, moment, present, slerp } from "./samples";
+import { shapeGeometry } from "./shapes";
+import { sheet } from "./sheet";
+
+export interface WorldOptions {
+  /** "ghost": translucent, rigid objects with their edges. */
+  style?: Style;
+  /** Leave out fixed solids: those of a ghost are there already. */
+  withoutStatics?: boolean;
+}
+
+export interface WorldMeshes {
+  group: Group;
+  /**
+   * Objects by name, fixed ones too. `userData` of each and of all meshes below it: `name`, and `column`, the index in
+   * the rollout's names; -1 for a fixed solid.
+   */
+  byName: Map<string, Object3D>;
+  /** Move everything to where it is at `t` [s]; what is not in the world then is not visible. */
+  setTime(t: number): void;
+  /** What cannot be drawn, and why; one sentence each. */
+  missing: string[];
+  dispose(): void;
+}
+
+/** Without a rollout only fixed solids are drawn: a world alone does not say where its objects are. */
+export function buildWorld(
+  opened: Opened,
+  world: WorldView,
+  rollout: RolloutView | null,
+  options: WorldOptions = {},
+): WorldMeshes {
+  const style = options.style ?? "solid";
+  const group = new Group();
+  const byName = new Map<string, Object3D>();
+  const missing: string[] = [];
+  const steps: ((t: number) => void)[] = [];
+  const add = (name: string, column: number, object: Object3D) => {
+    object.name = name;
+    object.traverse((part) => {
+      part.userData.name = name;
+      part.userData.column = column;
+      part.castShadow = style === "solid";
+      part.receiveShadow = style === "solid";
+    });
+    byName.set(name, object);
+    group.add(object);
+  };
+
+  if (!options.withoutStatics) {
+    const extent = extentOf(opened, world, rollout);
+    const reach = extent.max.distanceTo(extent.min);
+    for (const fixed of world.statics) {
+      const solid = new Mesh(
+        shapeGeometry(opened, fixed.shape, reach),
+        surface(fixed.color, { style, pattern: "none", twoSided: fixed.shape.kind === "plane" }),
+      );
+      solid.position.fromArray(fixed.position);
+      const [w, x, y, z] = fixed.orientation as [number, number, number, number];
+      solid.quaternion.set(x, y, z, w);
+      solid.userData.shape = fixed.shape.kind;
+      add(fixed.name, -1, solid);
+    }
+  }
+
+  if (rollout) {
+    const times = opened.floats(rollout.times);
+    const columns = rollout.names.length;
+    const active = opened.numbers(rollout.active) as Uint8Array;
+    const positions = opened.floats(rollout.positions);
+    const orientations = opened.floats(rollout.orientations);
+    const turn = [1, 0, 0, 0];
+    rollout.names.forEach((name, column) => {
+      const moving = world.moving.find((m) => m.name === name);
+      if (!moving) {
+        missing.push(`${name} is in the rollout but not in the world`);
+        return;
+      }
+      if (moving.kind === "rigid") {
+        if (!moving.shape) {
+          missing.push(`${name} has no shape`);
+          return;
+        }
+        const body = rigid(opened, moving, style);
+        add(name, column, body);
+        const here = new Float32Array(3);
+        steps.push((t) => {
+          const m = moment(times, t);
+          body.visible = present(active, columns, column, m);
+          if (!body.visible) return;
+          const shown = held(active, columns, column, m);
+          for (let k = 0; k < 3; k++) {
+            const from = positions[3 * (shown.at * columns + column) + k]!;
+            here[k] = from + shown.part * (positions[3 * (shown.next * columns + column) + k]! - from);
+          }
+          slerp(orientations, columns, column, shown, turn);
+          body.visible = Number.isFinite(here[0]! + here[1]! + here[2]! + turn[0]!);
+          body.position.fromArray(here);
+          body.quaternion.set(turn[1]!, turn[2]!, turn[3]!, turn[0]!);
+        });
+        return;
+      }
+      const deformed = rollout.deformed.find((d) => d.name === name);
+      const soft = deformed && deformable(opened, moving, deformed, style);
+      if (!soft) {
+        missing.push(`the points of ${name} (${moving.kind}) were not stored`);
+        return;
+      }
+      add(name, column, soft.object);
+      const values = opened.floats(deformed.points);
+      const numbers = 3 * deformed.points.shape[1]!;
+      const points = new Float32Array(numbers);
+      steps.push((t) => {
+        const m = moment(times, t);
+        soft.object.visible = present(active, columns, column, m);
+        if (!soft.object.visible) return;
+        lerp(values, numbers, held(active, columns, column, m), points);
+        soft.setPoints(points);
+      });
+    });
+  } else if (world.moving.length) {
+    missing.push("this world has no rollout: only its fixed solids are shown");
+  }
+
+  const setTime = (t: number) => {
+    for (const step of steps) step(t);
+  };
+  setTime(0);
+  return { group, byName, setTime, missing, dispose: () => disposeAll(group) };
+}
+
+function rigid(opened: Opened, moving: Moving, style: Style): Mesh {
+  const shape = moving.shape!;
+  const round = shape.kind === "sphere" || shape.kind === "cylinder" || shape.kind === "capsule";
+  const geometry = shapeGeometry(opened, shape, 1);
+  const body = new Mesh(geometry, surface(moving.color, { style, pattern: round ? "octants" : "none" }));
+  if (style === "ghost") {
+    const ink = new LineBasicMaterial({ color: moving.color, transparent: true, opacity: 0.9 });
+    body.add(new LineSegments(new EdgesGeometry(geometry, shape.kind === "sphere" ? 8 : 25), ink));
+  }
+  return body;
+}
+
+function deformable(opened: Opened, moving: Moving, deformed: Deformed, style: Style): Deformable | null {
+  const count = deformed.points.shape[1] ?? 0;
+  const points = opened.floats(deformed.points);
+  if (moving.kind === "rope" && moving.segments) {
+    return rope(moving.color, moving.radius ?? 0, count, opened.numbers(moving.segments), style);
+  }
+  if ((moving.kind === "cloth" || moving.kind === "soft") && moving.triangles) {
+    const first = points.slice(0, 3 * count);
+    return sheet(moving.color, opened.numbers(moving.triangles), first, moving.kind === "soft", style);
+  }
+  return moving.kind === "fluid" ? fluid(moving.color, moving.radius ?? 0.01, count, style) : null;
+}
+
+/** Free what is held on the GPU below `root`. */
+export function disposeAll(root: Object3D): void {
+  root.traverse((part) => {
+    const drawn = part as Object3D & { geometry?: BufferGeometry; material?: Material | Material[]; dispose?: () => void };
+    drawn.geometry?.dispose();
+    for (const material of [drawn.material ?? []].flat()) material.dispose();
+    drawn.dispose?.(); // instance matrices
+  });
+  root.removeFromParent();
+}
