@@ -5,6 +5,7 @@ import type { Opened } from "./unpack";
 
 export type Layout = "one" | "side" | "ghost";
 export type Eye = "orbit" | "video" | "plan";
+export type Tab = "series" | "comparison" | "gap" | "fits" | "provenance" | "evidence";
 
 export const opened = signal<Opened | null>(null);
 /** Why there is nothing to show; "" while loading. */
@@ -28,6 +29,11 @@ export const object = signal<string | null>(null);
 /** Name of the object that the orbiting eye follows. */
 export const followed = signal<string | null>(null);
 export const eye = signal<Eye>("orbit");
+
+/** The panel below the timeline. */
+export const tab = signal<Tab>("series");
+/** Id of the chosen row of evidence. */
+export const evidence = signal<string | null>(null);
 
 export const document = computed(() => opened.value?.document ?? null);
 export const rollout = computed(() => rolloutOf(chosen.value));

@@ -1,0 +1,4 @@
+/** Not yet written. */
+export function Choosers() {
+  return <section aria-label="choosers" />;
+}

@@ -1,0 +1,4 @@
+/** Not yet written. */
+export function Comparison() {
+  return <section aria-label="comparison" />;
+}

@@ -1,0 +1,4 @@
+/** Not yet written. */
+export function Evidence() {
+  return <section aria-label="evidence" />;
+}

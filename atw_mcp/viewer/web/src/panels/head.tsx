@@ -1,0 +1,98 @@
+// The case: its file, its questions with their answers, and the evidence that each answer rests on.
+import type { Answer, CaseView } from "../document";
+import { digits } from "../format";
+import { document, evidence, live, tab } from "../state";
+import { preference, type Preference } from "../theme";
+import "./head.css";
+
+const THEMES: Record<Preference, string> = { system: "system theme", light: "light theme", dark: "dark theme" };
+const FOLDED_ABOVE = 2; // questions: more of them would push the film off a laptop's screen
+
+export function Head() {
+  const doc = document.value!;
+  const rows = paired(doc.case);
+  const answered = rows.filter(({ answer }) => answer?.answer != null).length;
+  const list = (
+    <ul class="answers">
+      {rows.map((row) => (
+        <Row key={row.question} {...row} />
+      ))}
+    </ul>
+  );
+  return (
+    <header class="head">
+      <div class="bar">
+        <h1>{doc.case.id}</h1>
+        {doc.case.file && <span class="chip">{doc.case.file}</span>}
+        {live.value && <span class="chip good">live</span>}
+        <span class="push" />
+        <Theme />
+      </div>
+      {rows.length > FOLDED_ABOVE ? (
+        <details>
+          <summary>
+            {rows.length} questions, {answered} answered
+          </summary>
+          {list}
+        </details>
+      ) : (
+        rows.length > 0 && list
+      )}
+    </header>
+  );
+}
+
+/** Each question with the latest answer to it, questions first asked first. */
+export function paired(view: CaseView): { question: string; answer: Answer | null }[] {
+  const latest = new Map<string, Answer | null>(view.questions.map((question) => [question, null]));
+  for (const answer of view.answers) latest.set(answer.question, answer);
+  return [...latest].map(([question, answer]) => ({ question, answer }));
+}
+
+function Row({ question, answer }: { question: string; answer: Answer | null }) {
+  const settled = answer?.answer ?? null;
+  return (
+    <li class="answer panel" data-question={question} data-answer={settled ?? ""}>
+      <p class="question">{question}</p>
+      <p class="verdict">
+        {settled !== null ? settled : <span class="soft">{answer ? "unresolved" : "not answered yet"}</span>}
+      </p>
+      {answer && (
+        <div class="because small soft">
+          {answer.confidence !== null && (
+            <span class="number" data-value={answer.confidence}>
+              <meter min={0} max={1} value={answer.confidence} aria-label="confidence" /> confidence{" "}
+              {digits(answer.confidence, 2)}
+            </span>
+          )}
+          {answer.missing && <span>{answer.missing}</span>}
+          {answer.evidence.length > 0 && <span>evidence</span>}
+          {answer.evidence.map((id) => (
+            <button key={id} class="link" onClick={() => cite(id)}>
+              {id}
+            </button>
+          ))}
+        </div>
+      )}
+    </li>
+  );
+}
+
+/** Show a row of evidence in its list. */
+export function cite(id: string): void {
+  evidence.value = id;
+  tab.value = "evidence";
+}
+
+function Theme() {
+  const next: Record<Preference, Preference> = { system: "light", light: "dark", dark: "system" };
+  return (
+    <button
+      class="quiet"
+      title="Change between the system's, the light and the dark theme"
+      onClick={() => (preference.value = next[preference.value])}
+    >
+      {THEMES[preference.value]}
+    </button>
+  );
+}

@@ -1,0 +1,4 @@
+/** Not yet written. */
+export function Objects() {
+  return <section aria-label="objects" />;
+}

@@ -1,0 +1,4 @@
+/** Not yet written. */
+export function Transport() {
+  return <section aria-label="transport" />;
+}
