@@ -151,8 +151,12 @@ class Cases:
 
     def modelled_observation(self, identifier: str, world_id: str) -> str | None:
         """The track record that a world of the case models, where it models one."""
+        return self.modelled_observations(identifier).get(world_id)
+
+    def modelled_observations(self, identifier: str) -> dict[str, str]:
+        """The track record that each world of the case models, by the world's id, of those that model one."""
         rows = self._relation("case_worlds", identifier)
-        return next((row["observation_id"] for row in rows if row["world_id"] == world_id), None)
+        return {row["world_id"]: row["observation_id"] for row in rows if row["observation_id"] is not None}
 
     def worlds(self, identifier: str) -> list[tuple[str, str]]:
         """(world id, origin) of the case, oldest first."""

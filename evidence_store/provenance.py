@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from evidence_store.canonical import to_json
-from evidence_store.references import CONTENTS, IDENTIFIER, referred
+from evidence_store.lineage import Lineage, Record, lineage
 from evidence_store.store import EvidenceStore
 
 if TYPE_CHECKING:
@@ -17,67 +17,55 @@ NAMESPACE = "urn:asking-the-world:"
 def prov_json(store: EvidenceStore, case: str) -> str:
     """Return the provenance of a case: a W3C PROV document in JSON.
 
-    Entities: the case's file, its observations, worlds, rollouts and fits, every piece of evidence and every answer.
-    Activities: the call of a tool behind each piece of evidence. Relations: what a call used, what it generated, what
-    was derived from what.
+    Entities: the records of its lineage. Activities: the call of a tool behind each piece of evidence. Relations: what
+    a call used, what it generated, what was derived from what.
     """
     from prov.model import ProvDocument  # imports much, and only this needs it
 
     document = ProvDocument()
     document.add_namespace("atw", NAMESPACE)
-    opened = store.cases.get(case)
     document.agent("atw:atw-mcp", {"prov:type": "prov:SoftwareAgent"})
-    document.entity(
-        f"atw:case-{case}", {"prov:type": "atw:Case", "atw:sha256": opened.content, "atw:kind": opened.kind}
-    )
-    known = _add_records(store, case, document)
-    for record in store.evidence.of_case(case):
-        call, result = f"atw:call-{record.id}", f"atw:{record.id}"
-        document.activity(
-            call, other_attributes={"prov:label": record.tool, "atw:arguments": to_json(record.arguments)}
-        )
-        document.entity(
-            result, {"prov:type": "atw:Evidence", "prov:label": record.summary, "atw:status": record.status}
-        )
-        document.wasAssociatedWith(call, "atw:atw-mcp")
-        document.wasGeneratedBy(result, call)
-        document.used(call, f"atw:case-{case}")
-        for source in (record.world, record.rollout, record.observation):
-            if source in known:
-                document.used(call, f"atw:{source}")
-                document.wasDerivedFrom(result, f"atw:{source}")
-    for number, answer in enumerate(store.cases.answers(case), start=1):
-        entity = f"atw:answer-{number}-{case}"
-        document.entity(
-            entity,
-            {"prov:type": "atw:Answer", "atw:question": answer.question, "prov:value": answer.answer or "unresolved"},
-        )
-        for identifier in answer.evidence:
-            document.wasDerivedFrom(entity, f"atw:{identifier}")
+    found = lineage(store, case)
+    for record in found.records.values():
+        document.entity(f"atw:{record.id}", _attributes(record))
+    for record in found.records.values():
+        if record.kind == "evidence" and "arguments" in record.about:
+            _add_call(document, record, found, f"case-{case}")
+    for link in found.derivations:
+        how = {"prov:type": f"atw:{link.how.replace(' ', '_')}"}
+        if link.detail:
+            how["atw:detail"] = to_json(link.detail)
+        document.wasDerivedFrom(f"atw:{link.target}", f"atw:{link.source}", other_attributes=how)
     return document.serialize(indent=1) or ""
 
 
-def _add_records(store: EvidenceStore, case: str, document: ProvDocument) -> set[str]:
-    """Add worlds and results with their derivations; returns their ids."""
-    with store.connection.read() as database:
-        used = referred(database.conn, case)
-        known = set(used.worlds | used.contents)
-        for world in sorted(used.worlds):
-            document.entity(f"atw:{world}", {"prov:type": "atw:World"})
-            for descent in store.worlds.parents(world):
-                derived = {"prov:type": f"atw:{descent.how or 'built'}", "atw:detail": to_json(descent.detail)}
-                document.wasDerivedFrom(f"atw:{world}", f"atw:{descent.parent}", other_attributes=derived)
-        for world, _ in store.cases.worlds(case):
-            observation = store.cases.modelled_observation(case, world)
-            if observation in known:
-                document.wasDerivedFrom(f"atw:{world}", f"atw:{observation}")
-        for table in CONTENTS:
-            for identifier, kind, inputs in database.conn.execute(f"SELECT id, kind, inputs FROM {table} ORDER BY id"):
-                if identifier not in used.contents:
-                    continue
-                document.entity(f"atw:{identifier}", {"prov:type": f"atw:{table.removesuffix('s')}", "atw:kind": kind})
-                for source in sorted(set(IDENTIFIER.findall(inputs)) & known - {identifier}):
-                    document.wasDerivedFrom(f"atw:{identifier}", f"atw:{source}")
-        for _, identifier in store.cases.observations(case):
-            document.wasDerivedFrom(f"atw:{identifier}", f"atw:case-{case}")
-    return known
+def _add_call(document: ProvDocument, record: Record, found: Lineage, root: str) -> None:
+    """Add the call of the tool that made a piece of evidence."""
+    call = f"atw:call-{record.id}"
+    attributes = {"prov:label": record.label, "atw:arguments": to_json(record.about["arguments"])}
+    document.activity(call, other_attributes=attributes)
+    document.wasAssociatedWith(call, "atw:atw-mcp")
+    document.wasGeneratedBy(f"atw:{record.id}", call)
+    for source in dict.fromkeys([root, *(link.source for link in found.derivations if link.target == record.id)]):
+        document.used(call, f"atw:{source}")
+
+
+def _attributes(record: Record) -> dict[str, str]:
+    """Return the attributes of a record's entity."""
+    about = record.about
+    match record.kind:
+        case "case":
+            return {"prov:type": "atw:Case", "atw:sha256": about["content"], "atw:kind": record.label}
+        case "world":
+            return {"prov:type": "atw:World", "atw:origin": record.label}
+        case "evidence":
+            made = {"prov:type": "atw:Evidence", "prov:label": about.get("summary", record.label)}
+            return made | ({"atw:status": about["status"]} if "status" in about else {})
+        case "answer":
+            return {
+                "prov:type": "atw:Answer",
+                "atw:question": about["question"],
+                "prov:value": about["answer"] or "unresolved",
+            }
+        case _:
+            return {"prov:type": f"atw:{record.kind}", "atw:kind": record.label}
