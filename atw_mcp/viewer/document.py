@@ -430,6 +430,8 @@ class FittedParameter(Part):
     bounds: Interval | None = Field(description="of its search")
     at_bound: bool
     sample: Block | None = Field(description="float32 (k,): values that the data allow")
+    logarithmic: bool = Field(default=False, description="searched on a logarithmic scale")
+    note: str = Field(default="", description="why the data do not determine it; empty where they do")
 
 
 class Curve(Part):

@@ -233,6 +233,10 @@ export interface FittedParameter {
   at_bound: boolean;
   /** float32 (k,): values that the data allow */
   sample: Block | null;
+  /** searched on a logarithmic scale */
+  logarithmic: boolean;
+  /** why the data do not determine it; empty where they do */
+  note: string;
 }
 
 /** Residuals of one object in one run, before an effect was added and after. */
