@@ -18,10 +18,12 @@ from evidence_store.errors import (
     StoreLocked,
     StoreReadOnly,
     StoreTooNew,
+    StoreTooOld,
     UnknownRecord,
 )
 from evidence_store.evidence import Evidence, EvidencePage, Status
 from evidence_store.jobs import Job
+from evidence_store.reading import ChangeWatch
 from evidence_store.store import EvidenceStore
 from evidence_store.tasks import Task
 from evidence_store.worlds import Descent
@@ -31,6 +33,7 @@ __all__ = [
     "BadArchive",
     "Binding",
     "Case",
+    "ChangeWatch",
     "Content",
     "ContentTable",
     "Descent",
@@ -48,6 +51,7 @@ __all__ = [
     "StoreLocked",
     "StoreReadOnly",
     "StoreTooNew",
+    "StoreTooOld",
     "Task",
     "UnknownRecord",
     "content_id",

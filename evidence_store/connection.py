@@ -95,6 +95,9 @@ class Connection:
         # Where this fails (a full disk, a busy reader), the log stays and whoever opens the store next reads it.
         with suppress(StoreError), self._plain_errors():
             self._database().conn.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+        self._close_all()
+
+    def _close_all(self) -> None:
         with self._guard:
             for connection in self._opened:
                 connection.close()
@@ -105,8 +108,7 @@ class Connection:
         existing: Database | None = getattr(self._local, "database", None)
         if existing is not None:
             return existing
-        # Each thread uses only its own connection; check_same_thread is off so that close() may close them all.
-        connection = sqlite3.connect(self.path, timeout=self._busy_timeout, check_same_thread=False)
+        connection = self._connect()
         connection.text_factory = text_of
         connection.execute("PRAGMA foreign_keys = ON")
         connection.execute("PRAGMA synchronous = NORMAL")
@@ -116,11 +118,12 @@ class Connection:
         self._local.database = database
         return database
 
+    def _connect(self) -> sqlite3.Connection:
+        # Each thread uses only its own connection; check_same_thread is off so that close() may close them all.
+        return sqlite3.connect(self.path, timeout=self._busy_timeout, check_same_thread=False)
+
     def _prepare(self) -> None:
-        if self.path.is_dir():
-            raise NotAStore(
-                f"{self.path} is a folder, not an evidence store: give a file name, e.g. {self.path}/atw.db"
-            )
+        self._refuse_folder()
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -146,6 +149,12 @@ class Connection:
                     "its folder, or choose another store with --store PATH"
                 )
             self._migrate()
+
+    def _refuse_folder(self) -> None:
+        if self.path.is_dir():
+            raise NotAStore(
+                f"{self.path} is a folder, not an evidence store: give a file name, e.g. {self.path}/atw.db"
+            )
 
     def _migrate(self) -> None:
         if self._version(self._database()) == VERSION:

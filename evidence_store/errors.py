@@ -29,6 +29,10 @@ class StoreTooNew(StoreError):
     """The store was written by a newer version of this package."""
 
 
+class StoreTooOld(StoreError):
+    """The store was written by an older version of this package, and was opened to be read only."""
+
+
 class StoreDamaged(StoreError):
     """The store's file is damaged: some of what was stored cannot be read."""
 

@@ -24,7 +24,7 @@ from evidence_store.errors import BadArchive, StoreError
 from evidence_store.migrations import PACKED_COLUMNS, readable
 from evidence_store.provenance import prov_json
 from evidence_store.references import Referred, referred
-from evidence_store.schema import VERSION
+from evidence_store.schema import RECORDS
 from evidence_store.store import EvidenceStore
 
 FORMAT = "atw-case"
@@ -120,7 +120,7 @@ def _write(store: EvidenceStore, case: str, archive: zipfile.ZipFile) -> dict[st
             add(f"records/{table}.jsonl", "".join(lines).encode())
             counts[table] = len(lines)
     add(PROVENANCE, prov_json(store, case).encode())
-    manifest = {"format": FORMAT, "version": VERSION, "case": case, "records": counts, "files": files}
+    manifest = {"format": FORMAT, "version": RECORDS, "case": case, "records": counts, "files": files}
     archive.writestr(zipfile.ZipInfo(MANIFEST, DATE), json.dumps(manifest, indent=1), zipfile.ZIP_DEFLATED)
     return counts
 
@@ -159,10 +159,10 @@ class _Archive:
             if name != MANIFEST and not _NAME.fullmatch(name):
                 raise ValueError(f"it has a file {name[:80]!r}, which no export writes")
         manifest = json.loads(self._bytes(MANIFEST))
-        if manifest["format"] != FORMAT or manifest["version"] != VERSION:
+        if manifest["format"] != FORMAT or manifest["version"] != RECORDS:
             raise ValueError(
                 f"it has format {str(manifest['format'])[:40]} {str(manifest['version'])[:40]}, this program reads "
-                f"{FORMAT} {VERSION}"
+                f"{FORMAT} {RECORDS}"
             )
         self.case = str(manifest["case"])
         self._sums = {str(name): str(facts["sha256"]) for name, facts in manifest["files"].items()}

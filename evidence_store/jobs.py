@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +18,10 @@ SILENCE = 30.0  # [s] without a heartbeat after which a worker counts as dead; i
 
 @dataclass(frozen=True)
 class Job:
-    """Work under way for one evidence record."""
+    """Work under way for one evidence record.
+
+    curve: the error so far as the worker reports it, JSON-ready; None where it reports none.
+    """
 
     evidence: str
     key: str
@@ -27,6 +32,7 @@ class Job:
     total: float | None
     message: str
     cancel_requested: bool
+    curve: dict[str, Any] | None = None
 
     def alive(self) -> bool:
         """Whether the process that works on it still shows signs of life."""
@@ -54,12 +60,20 @@ class Jobs:
                 }
             )
 
-    def beat(self, evidence: str, done: float, total: float | None, message: str) -> None:
-        """Sign of life, with how far the work is."""
+    def beat(
+        self,
+        evidence: str,
+        done: float,
+        total: float | None,
+        message: str,
+        curve: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Sign of life, with how far the work is and its error so far."""
+        drawn = None if curve is None else json.dumps(curve, separators=(",", ":"))
         with self._connection.write() as database:
             database.conn.execute(
-                "UPDATE jobs SET heartbeat = ?, done = ?, total = ?, message = ? WHERE evidence_seq = ?",
-                [time.time(), done, total, message, sequence_number(evidence)],
+                "UPDATE jobs SET heartbeat = ?, done = ?, total = ?, message = ?, curve = ? WHERE evidence_seq = ?",
+                [time.time(), done, total, message, drawn, sequence_number(evidence)],
             )
 
     def request_cancel(self, evidence: str) -> None:
@@ -93,7 +107,8 @@ class Jobs:
 
 
 def job_of(row: dict[str, Any]) -> Job:
-    """A row of the table as a job."""
+    """A row of the table, of this version or of the one before, as a job."""
+    drawn = row.get("curve")
     return Job(
         evidence=f"ev-{row['evidence_seq']}",
         key=row["key"],
@@ -104,6 +119,7 @@ def job_of(row: dict[str, Any]) -> Job:
         total=row["total"],
         message=row["message"],
         cancel_requested=bool(row["cancel_requested"]),
+        curve=None if drawn is None else json.loads(drawn),
     )
 
 

@@ -51,6 +51,11 @@ def _index_evidence(connection: sqlite3.Connection) -> None:
             connection.execute(statement)
 
 
+def _add_curves(connection: sqlite3.Connection) -> None:
+    """Version 3 to 4."""
+    connection.execute("ALTER TABLE jobs ADD COLUMN curve TEXT")
+
+
 def readable(row: Mapping[str, Any]) -> bool:
     """Whether the JSON of a row can be parsed and its packed arrays fit the CRC-32 that npz files carry."""
     try:
@@ -70,5 +75,5 @@ def readable(row: Mapping[str, Any]) -> bool:
     return True
 
 
-MIGRATIONS: Mapping[int, Callable[[sqlite3.Connection], None]] = {1: _add_checksums, 2: _index_evidence}
+MIGRATIONS: Mapping[int, Callable[[sqlite3.Connection], None]] = {1: _add_checksums, 2: _index_evidence, 3: _add_curves}
 """The step from each version to the next."""

@@ -9,7 +9,9 @@ A change of the tables needs a higher VERSION and a step in `evidence_store.migr
 """
 
 APPLICATION_ID = 0x41545731  # "ATW1"
-VERSION = 3
+VERSION = 4
+RECORDS = 3
+"""Since this version the tables of records, all but jobs and tasks, are as they are now."""
 
 EVIDENCE_INDICES = """
 CREATE INDEX evidence_by_case ON evidence (case_id, seq, status, objects, interval);
@@ -147,7 +149,8 @@ CREATE TABLE jobs (
     done REAL NOT NULL DEFAULT 0,
     total REAL,
     message TEXT NOT NULL DEFAULT '',
-    cancel_requested INTEGER NOT NULL DEFAULT 0
+    cancel_requested INTEGER NOT NULL DEFAULT 0,
+    curve TEXT                         -- JSON: the error so far, as the worker reports it
 );
 """
     + TASKS

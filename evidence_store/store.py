@@ -13,6 +13,7 @@ from evidence_store.content import ContentTable
 from evidence_store.errors import StoreFull, StoreReadOnly
 from evidence_store.evidence import Evidence, EvidenceTable
 from evidence_store.jobs import Jobs
+from evidence_store.reading import ReadOnlyConnection
 from evidence_store.tasks import Tasks
 from evidence_store.worlds import Worlds
 
@@ -24,7 +25,17 @@ class EvidenceStore:
     """
 
     def __init__(self, path: str | os.PathLike[str], *, busy_timeout: float | None = None) -> None:
-        self.connection = Connection(path, busy_timeout=busy_timeout)
+        self._use(Connection(path, busy_timeout=busy_timeout))
+
+    @classmethod
+    def to_read(cls, path: str | os.PathLike[str]) -> EvidenceStore:
+        """Open a store that exists to read it only, as `ReadOnlyConnection` does."""
+        store = cls.__new__(cls)
+        store._use(ReadOnlyConnection(path))
+        return store
+
+    def _use(self, connection: Connection) -> None:
+        self.connection = connection
         self.path = self.connection.path
         self.cases = Cases(self.connection)
         self.worlds = Worlds(self.connection)
