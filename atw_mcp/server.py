@@ -52,6 +52,7 @@ from pydantic import AnyUrl
 from atw_mcp import resources
 from atw_mcp.calls import completions, watching
 from atw_mcp.calls.app import App
+from atw_mcp.calls.apps import apps_where_rendered, viewer_app
 from atw_mcp.calls.brief import brief_tool
 from atw_mcp.calls.deferred import DeferredTool
 from atw_mcp.calls.error_text import bounded_errors
@@ -94,7 +95,9 @@ class WorldServer(PromptServer):
         if isinstance(read, InputRequiredResult):
             return read
         return [
-            replace(part, mime_type=resources.image_type(part.content)) if isinstance(part.content, bytes) else part
+            replace(part, mime_type=resources.image_type(part.content))
+            if isinstance(part.content, bytes) and (part.mime_type or "").startswith("image/")
+            else part
             for part in read
         ]
 
@@ -147,9 +150,9 @@ def build_server(
         instructions=instructions(selection),
         version=installed_version(),
         tools=list[Tool](app.served),
-        extensions=[TasksExtension(app)],
+        extensions=[TasksExtension(app), viewer_app()],
         lifespan=lifespan,
-        middleware=[bounded_errors],
+        middleware=[bounded_errors, apps_where_rendered],
         log_level="WARNING",
     )
     server.world_app = app

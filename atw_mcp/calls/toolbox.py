@@ -23,6 +23,7 @@ from pydantic import ValidationError
 
 from atw_mcp.calls import tasks
 from atw_mcp.calls.app import App
+from atw_mcp.calls.apps import SHOWN_WITH
 from atw_mcp.calls.following import follow
 from atw_mcp.calls.jobs import LongWork, RunningJob
 from atw_mcp.calls.result_schemas import referenced_schema, report_mismatch, result_schema
@@ -166,14 +167,16 @@ class ToolGroup:
         idempotent: bool = True,
         pictures: bool = False,
         files: bool = False,
+        viewer: bool = False,
         returns: Any = None,
     ) -> Callable[[ToolFunction], ToolFunction]:
         """Declare a tool. The function's docstring is the description the agent reads.
 
         read_only: whether it leaves the case as it is (the evidence record apart). idempotent: whether the same call
         again changes nothing more. pictures: whether it returns images, and therefore no structured content. files:
-        whether it reads files that its arguments name, so that the client's roots matter. returns: the model of the
-        data that an agent is shown (`atw_mcp/results`), or a union of models where the arguments decide on the form.
+        whether it reads files that its arguments name, so that the client's roots matter. viewer: whether hosts that
+        render apps show the viewer with its result. returns: the model of the data that an agent is shown
+        (`atw_mcp/results`), or a union of models where the arguments decide on the form.
         """
 
         def declare(function: ToolFunction) -> ToolFunction:
@@ -202,6 +205,7 @@ class ToolGroup:
                     role=self.role,
                     pictures=pictures,
                     files=files,
+                    meta=SHOWN_WITH if viewer else None,
                     returns=returns,
                 )
             )

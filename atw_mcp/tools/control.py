@@ -265,7 +265,7 @@ def update_bindings(
     )
 
 
-@GROUP.tool("Finish", title="Answer a question", read_only=False, idempotent=False, returns=Finished)
+@GROUP.tool("Finish", title="Answer a question", read_only=False, idempotent=False, viewer=True, returns=Finished)
 def finish(
     app: App,
     case: CaseId,

@@ -49,6 +49,7 @@ Fitted = Annotated[
     title="Find where world and data disagree",
     read_only=True,
     pictures=True,
+    viewer=True,
     returns=FoundDiscrepancy,
 )
 def find_discrepancy(
@@ -158,7 +159,12 @@ def propose_effects(
 
 
 @GROUP.tool(
-    "AddEffect", title="Add an effect and show what it is worth", read_only=False, pictures=True, returns=AddedEffect
+    "AddEffect",
+    title="Add an effect and show what it is worth",
+    read_only=False,
+    pictures=True,
+    viewer=True,
+    returns=AddedEffect,
 )
 def add_effect(
     app: App,

@@ -267,7 +267,7 @@ def inspect_observed_motion(
     )
 
 
-@GROUP.tool("InspectRollout", title="Look at a rollout", pictures=True, returns=SimulatedFrames)
+@GROUP.tool("InspectRollout", title="Look at a rollout", pictures=True, viewer=True, returns=SimulatedFrames)
 def inspect_rollout(
     app: App,
     case: CaseId,

@@ -269,7 +269,7 @@ def _how_near(answer: QueryResult) -> str:
     return f"; closest approach of the surfaces {nearest['gap_m']:.3g} m at {nearest['time']:.4g} s"
 
 
-@GROUP.tool("CompareWorlds", title="Compare two rollouts", returns=ComparedRollouts)
+@GROUP.tool("CompareWorlds", title="Compare two rollouts", viewer=True, returns=ComparedRollouts)
 def compare_worlds(
     app: App,
     base: Annotated[RolloutId, Field(description="rollout id to compare with")],
