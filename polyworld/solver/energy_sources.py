@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.effects import CATALOGUE
 from polyworld.model import model_of
 from polyworld.trajectory import Trajectory
 from polyworld.world import World
@@ -91,10 +92,11 @@ def work(world: World, motion: Trajectory, masses: Array) -> Array:
         total += most * ways[:, motion.index(sheet.name)]
     for effect in world.effects:
         if effect.kind in BOUNDED:
+            parameters = {n: effect.parameters.get(n, q.default) for n, q in CATALOGUE[effect.kind].parameters.items()}
             for name in effect.objects or motion.names:
                 k = motion.index(name)
                 reach = float(np.nanmax(np.linalg.norm(motion.positions[:, k], axis=1), initial=0.0))
-                total += _force(effect.kind, effect.parameters, float(masses[k]), reach, world) * ways[:, k]
+                total += _force(effect.kind, parameters, float(masses[k]), reach, world) * ways[:, k]
     return BETWEEN * total
 
 

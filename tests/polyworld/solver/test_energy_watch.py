@@ -60,6 +60,9 @@ DOOR = {"kind": "hinge", "name": "joint", "object": "a", "anchor": (-0.5, 0, 1),
 SPRING = {"kind": "spring", "name": "joint", "object": "a", "anchor": (0, 0, 1), "other_anchor": (1, 0, 1)}
 FLOOR = {"name": "floor", "shape": {"kind": "plane"}}
 DRIVEN: dict[str, dict[str, Any]] = {
+    "pull with default parameters": {
+        "effects": [{"name": "pull", "kind": "central_force", "parameters": {"strength": 50.0, "exponent": 0.0}}]
+    },
     "motor": {"joints": [{**DOOR, "motor": {"target_speed": 20.0, "limit": 50.0}}]},
     "effort": {"joints": [{**DOOR, "motor": {"limit": 50.0}}]},
     "stretched spring": {"joints": [{**SPRING, "stiffness": 2000.0, "rest_length": 0.3}]},
