@@ -265,11 +265,13 @@ class Value(Part):
 
 
 class Field3(Part):
-    """The field of an effect in space, at the start."""
+    """The field of an effect in space, at the start, on a regular grid."""
 
     points: Block = Field(description="float32 (k, 3) [m]")
     vectors: Block = Field(description="float32 (k, 3)")
     unit: str
+    what: str = Field(default="acceleration", description="what the vectors are, in words")
+    uniform: bool = Field(default=False, description="the same everywhere")
 
 
 class EffectMark(Part):

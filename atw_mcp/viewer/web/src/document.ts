@@ -186,13 +186,17 @@ export interface EvidenceRow {
   interval: (number | null)[] | null;
 }
 
-/** The field of an effect in space, at the start. */
+/** The field of an effect in space, at the start, on a regular grid. */
 export interface Field3 {
   /** float32 (k, 3) [m] */
   points: Block;
   /** float32 (k, 3) */
   vectors: Block;
   unit: string;
+  /** what the vectors are, in words */
+  what: string;
+  /** the same everywhere */
+  uniform: boolean;
 }
 
 /** The video of the case as a browser can play it. */
