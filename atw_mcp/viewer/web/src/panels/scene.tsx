@@ -1,4 +1,234 @@
-/** Not yet written. */
+// The world in three dimensions: one rollout, two side by side, or one with the other as a ghost.
+import { effect, signal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { quantity, words } from "../format";
+import { Axes, axesOf } from "../scene/axes";
+import { palette } from "../scene/palette";
+import { Stage, type Statistics } from "../scene/stage";
+import { videoFrame } from "../scene/eyes";
+import { roundLength } from "../scene/floor";
+import type { EffectKey } from "../scene/pushes";
+import type { Shown } from "../scene/view";
+import { eye, followed, layout, object, opened, other, otherWorld, rollout, time, world, type Eye } from "../state";
+import "./scene.css";
+
+const shown = signal<Shown>({ names: true, trails: true, joints: true, effects: true, events: true });
+const SWITCHES: { key: keyof Shown; title: string }[] = [
+  { key: "names", title: "Names" },
+  { key: "trails", title: "Paths" },
+  { key: "joints", title: "Joints and regions" },
+  { key: "effects", title: "Effects" },
+  { key: "events", title: "Events" },
+];
+const EYES: { value: Eye; title: string; hint: string }[] = [
+  { value: "orbit", title: "Orbit", hint: "Turn freely (O): drag, or arrow keys; +, − to zoom, Shift to move" },
+  { value: "video", title: "Camera", hint: "As the video's camera sees it (V)" },
+  { value: "plan", title: "Plan", hint: "Straight on the plane of motion (P)" },
+];
+
+/** What lies over the canvas and depends on the eye. */
+interface Over {
+  axes: ReturnType<typeof axesOf> | null;
+  bar: { pixels: number; text: string } | null;
+  windows: { x: number; y: number; width: number; height: number }[];
+  frame: [number, number, number, number] | null;
+}
+const over = signal<Over>({ axes: null, bar: null, windows: [], frame: null });
+const notes = signal<{ keys: EffectKey[]; missing: string[]; grid: string }>({ keys: [], missing: [], grid: "" });
+/** Why there is no canvas; "" where there is one. */
+const trouble = signal("");
+const stage = signal<Stage | null>(null);
+
 export function Scene() {
-  return <section aria-label="scene" />;
+  const host = useRef<HTMLDivElement>(null);
+  const labels = useRef<HTMLDivElement>(null);
+  useEffect(() => start(host.current!, labels.current!), []);
+  const camera = world.value?.camera ?? null;
+  const { axes, bar, windows, frame } = over.value;
+  const { keys, missing, grid } = notes.value;
+  const names = rollout.value?.names ?? [];
+  return (
+    <section class="panel scene" aria-label="scene">
+      <div class="bar">
+        <div class="choice" role="group" aria-label="eye">
+          {EYES.map(({ value, title, hint }) => (
+            <button
+              key={value}
+              aria-pressed={eye.value === value}
+              disabled={value === "video" && !camera}
+              title={value === "video" && !camera ? "This world has no camera" : hint}
+              onClick={() => (eye.value = value)}
+            >
+              {title}
+            </button>
+          ))}
+        </div>
+        <button title="Fit the whole motion into view (Home)" onClick={() => stage.value?.reset()}>
+          Fit
+        </button>
+        {names.length > 0 && (
+          <label class="follow">
+            <span class="visually-hidden">follow</span>
+            <select
+              name="follow"
+              value={followed.value ?? ""}
+              disabled={eye.value === "video"}
+              onChange={(e) => (followed.value = e.currentTarget.value || null)}
+            >
+              <option value="">Follow nothing</option>
+              {names.map((name) => (
+                <option key={name} value={name}>
+                  Follow {words(name)}
+                </option>
+              ))}
+            </select>
+          </label>
+        )}
+        <details class="show push">
+          <summary>Show</summary>
+          <div>
+            {SWITCHES.map(({ key, title }) => (
+              <label key={key}>
+                <input
+                  type="checkbox"
+                  checked={shown.value[key]}
+                  onChange={(e) => (shown.value = { ...shown.value, [key]: e.currentTarget.checked })}
+                />
+                {title}
+              </label>
+            ))}
+          </div>
+        </details>
+      </div>
+      <div
+        class="canvas"
+        ref={host}
+        tabIndex={0}
+        role="application"
+        aria-label={`Scene of ${world.value?.label ?? "the world"}: arrow keys turn, plus and minus zoom, Home fits`}
+        onKeyDown={(e) => {
+          if (e.target === e.currentTarget && stage.value?.eyes.press(e)) e.preventDefault();
+        }}
+      >
+        <div class="labels" ref={labels} aria-hidden="true" />
+        {frame && (
+          <div
+            class="frame"
+            style={{ left: `${frame[0]}px`, top: `${frame[1]}px`, width: `${frame[2]}px`, height: `${frame[3]}px` }}
+          />
+        )}
+        {layout.value !== "one" &&
+          other.value &&
+          windows.map((w, i) => (
+            <p key={i} class={`title ${i ? "branch" : "base"}`} style={{ left: `${w.x}px`, top: `${w.y}px`, maxWidth: `${w.width}px` }}>
+              {i ? other.value!.label : rollout.value?.label}
+              {windows.length === 1 && <span class="branch">ghost: {other.value!.label}</span>}
+            </p>
+          ))}
+        {axes && <Axes {...axes} />}
+        {bar && (
+          <p class="scale" data-pixels={bar.pixels}>
+            <i style={{ width: `${bar.pixels}px` }} />
+            {bar.text}
+          </p>
+        )}
+        <div class="legend">
+          {keys.map((k) => (
+            <p key={k.name} data-effect={k.name} data-longest={k.longest?.value} data-field={k.field?.value}>
+              <i class="arrow" style={{ color: k.color }} />
+              <b>{words(k.name)}</b>
+              {k.enabled ? "" : " (disabled)"}
+              {k.longest && <span> longest arrow {quantity(k.longest.value, k.longest.unit, 3)}</span>}
+              {k.field && <span> field up to {quantity(k.field.value, k.field.unit, 3)}</span>}
+              {!k.longest && !k.field && <span> no arrows: it pushes nothing here</span>}
+            </p>
+          ))}
+          {grid && <p class="grid">{grid}</p>}
+          {missing.map((m) => (
+            <p key={m} class="missing">
+              {m}
+            </p>
+          ))}
+        </div>
+        {trouble.value && (
+          <p class="trouble" role="alert">
+            {trouble.value}
+          </p>
+        )}
+      </div>
+    </section>
+  );
+}
+
+/** Put a canvas into `host` and keep it in step with the page; returns what ends that. */
+function start(host: HTMLElement, labels: HTMLElement): () => void {
+  let made: Stage;
+  try {
+    made = new Stage(host, labels, { picked: (name) => (object.value = name), drawn });
+  } catch (error) {
+    const why = error instanceof Error ? error.message : String(error);
+    trouble.value = `The scene needs WebGL 2, which this browser does not offer (${why}). All other panels work without it.`;
+    return () => {};
+  }
+  trouble.value = "";
+  stage.value = made;
+  const ends = [
+    effect(() => {
+      const [doc, here, there] = [opened.value, world.value, otherWorld.value];
+      if (!doc) return;
+      const last = here ?? doc.document.worlds.at(-1);
+      if (!last) return;
+      const compared = other.value && there ? { world: there, rollout: other.value } : null;
+      made.show(
+        {
+          opened: doc,
+          shown: { world: last, rollout: here ? rollout.value : null },
+          other: compared,
+          arrangement: compared ? layout.value : "one",
+        },
+        palette(),
+      );
+      const missing = [...new Set(made.views.flatMap((v) => v.missing))];
+      const first = made.views[0];
+      const grid = first ? `grid ${quantity(first.cell, "m", 2)} ${first.gridNote}` : "";
+      notes.value = { keys: made.views.flatMap((v) => v.keys).filter((k, i, all) => all.findIndex((o) => o.name === k.name) === i), missing, grid };
+    }),
+    effect(() => made.setTime(time.value)),
+    effect(() => made.choose(object.value)),
+    effect(() => made.follow(followed.value)),
+    effect(() => made.setShown(shown.value)),
+    effect(() => made.setEye(eye.value)),
+  ];
+  return () => {
+    for (const end of ends) end();
+    stage.value = null;
+    made.dispose();
+  };
+}
+
+/** A scale bar of a round length near this many pixels. */
+const BAR = 90;
+
+let before = "";
+function drawn(made: Stage): void {
+  const camera = made.eyes.camera;
+  const first = made.window(0);
+  const metres = made.eyes.metresPerPixel;
+  const round = roundLength(BAR * metres);
+  const view = made.camera;
+  const next: Over = {
+    axes: axesOf(camera, world.value?.gravity ?? [0, 0, 0]),
+    bar: { pixels: Math.round((10 * round) / metres) / 10, text: quantity(round, "m", 1) },
+    windows: made.views.map((_, i) => made.window(i)),
+    frame: made.eyes.kind === "video" && view ? videoFrame(view, first.width, first.height) : null,
+  };
+  const text = JSON.stringify(next);
+  if (text === before) return;
+  before = text;
+  over.value = next;
+}
+
+declare global {
+  // for tests and measurements: frames drawn, draw calls, milliseconds
+  var __atw: Statistics | undefined;
 }

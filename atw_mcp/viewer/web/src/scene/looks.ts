@@ -80,8 +80,13 @@ const viewport = new Vector4();
 export function measured(thing: Object3D): void {
   thing.onBeforeRender = (renderer: WebGLRenderer, _scene: Object3D, _camera: Camera, _geometry: BufferGeometry, material) => {
     const height = material.userData.height as { value: number } | undefined;
-    if (height) height.value = renderer.getCurrentViewport(viewport).w;
+    if (height) height.value = viewportOf(renderer).w;
   };
+}
+
+/** The part of the drawing buffer that is drawn to, in its own pixels: width in z, height in w. */
+export function viewportOf(renderer: WebGLRenderer): Vector4 {
+  return renderer.getCurrentViewport(viewport);
 }
 
 const pi = (cell = 1) => (Math.PI / cell).toExponential(8);

@@ -1,5 +1,15 @@
 // The solids of a world at any time of a rollout, as three.js objects: z up, metres.
-import { EdgesGeometry, Group, LineBasicMaterial, LineSegments, Mesh, type Object3D, type BufferGeometry, type Material } from "three";
+import {
+  type BufferGeometry,
+  EdgesGeometry,
+  Group,
+  LineBasicMaterial,
+  LineSegments,
+  type Material,
+  Mesh,
+  type Object3D,
+  type Vector3,
+} from "three";
 import type { Deformed, Moving, RolloutView, WorldView } from "../document";
 import type { Opened } from "../unpack";
 import { extentOf } from "./extent";
@@ -26,6 +36,10 @@ export interface WorldMeshes {
   byName: Map<string, Object3D>;
   /** Move everything to where it is at `t` [s]; what is not in the world then is not visible. */
   setTime(t: number): void;
+  /** Points (k, 3) of a deformable object now [m], overwritten by `setTime`; null for others. */
+  points(name: string): Float32Array | null;
+  /** Where an object's middle is now, written into `out`; false while it is not in the world. */
+  middle(name: string, out: Vector3): boolean;
   /** What cannot be drawn, and why; one sentence each. */
   missing: string[];
   dispose(): void;
@@ -42,6 +56,7 @@ export function buildWorld(
   const group = new Group();
   const byName = new Map<string, Object3D>();
   const missing: string[] = [];
+  const clouds = new Map<string, Float32Array>();
   const steps: ((t: number) => void)[] = [];
   const add = (name: string, column: number, object: Object3D) => {
     object.name = name;
@@ -118,6 +133,7 @@ export function buildWorld(
       const values = opened.floats(deformed.points);
       const numbers = 3 * deformed.points.shape[1]!;
       const points = new Float32Array(numbers);
+      clouds.set(name, points);
       steps.push((t) => {
         const m = moment(times, t);
         soft.object.visible = present(active, columns, column, m);
@@ -134,7 +150,15 @@ export function buildWorld(
     for (const step of steps) step(t);
   };
   setTime(0);
-  return { group, byName, setTime, missing, dispose: () => disposeAll(group) };
+  const points = (name: string) => clouds.get(name) ?? null;
+  const middle = (name: string, out: Vector3) => {
+    const object = byName.get(name);
+    if (!object?.visible) return false;
+    const cloud = clouds.get(name);
+    if (!cloud) return (out.copy(object.position), true);
+    return mean(cloud, out);
+  };
+  return { group, byName, setTime, points, middle, missing, dispose: () => disposeAll(group) };
 }
 
 function rigid(opened: Opened, moving: Moving, style: Style): Mesh {
@@ -160,6 +184,19 @@ function deformable(opened: Opened, moving: Moving, deformed: Deformed, style: S
     return sheet(moving.color, opened.numbers(moving.triangles), first, moving.kind === "soft", style);
   }
   return moving.kind === "fluid" ? fluid(moving.color, moving.radius ?? 0.01, count, style) : null;
+}
+
+/** The mean of points (k, 3) that are there; false where none is. */
+function mean(points: Float32Array, out: Vector3): boolean {
+  let count = 0;
+  out.set(0, 0, 0);
+  for (let i = 0; i + 2 < points.length; i += 3) {
+    if (points[i] !== points[i]) continue; // NaN
+    out.set(out.x + points[i]!, out.y + points[i + 1]!, out.z + points[i + 2]!);
+    count++;
+  }
+  out.divideScalar(count || 1);
+  return count > 0;
 }
 
 /** Free what is held on the GPU below `root`. */

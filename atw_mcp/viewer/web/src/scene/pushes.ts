@@ -1,0 +1,116 @@
+// What effects do: an arrow at each object, and the field in space.
+import { Color, Group, Vector3 } from "three";
+import type { EffectMark, RolloutView, WorldView } from "../document";
+import type { Opened } from "../unpack";
+import { Arrows } from "./arrows";
+import { lerp, moment } from "./samples";
+import { boundingRadius } from "./shapes";
+import type { WorldMeshes } from "./world_meshes";
+
+/** Length of the longest arrow, as a part of the size of the scene. */
+const LONGEST = 0.16;
+/** Okabe-Ito colours in the order in which effects take them. */
+const INKS = ["#d55e00", "#cc79a7", "#0072b2", "#009e73", "#e69f00", "#56b4e9"];
+
+/** An entry of the legend. */
+export interface EffectKey {
+  name: string;
+  kind: string;
+  color: string;
+  /** What the longest arrow stands for; null where the effect has no arrows. */
+  longest: { value: number; unit: string } | null;
+  /** Its field is drawn, with the value of its longest arrow. */
+  field: { value: number; unit: string } | null;
+  enabled: boolean;
+}
+
+export class Pushes {
+  readonly object = new Group();
+  readonly keys: EffectKey[] = [];
+  private readonly steps: ((t: number) => void)[] = [];
+
+  /** size: of the scene [m]. */
+  constructor(opened: Opened, world: WorldView, rollout: RolloutView | null, meshes: WorldMeshes, size: number) {
+    const longest = LONGEST * size;
+    const radii = new Map(world.moving.map((m) => [m.name, m.shape ? boundingRadius(opened, m.shape) : 0]));
+    const names = new Set([...world.effects.map((e) => e.name), ...(rollout?.pushes.map((p) => p.effect) ?? [])]);
+    let which = 0;
+    for (const name of names) {
+      const mark: EffectMark | undefined = world.effects.find((e) => e.name === name);
+      const color = INKS[which++ % INKS.length]!;
+      const key: EffectKey = { name, kind: mark?.kind ?? "", color, longest: null, field: null, enabled: mark?.enabled ?? true };
+      const push = rollout?.pushes.find((p) => p.effect === name);
+      if (push && rollout) {
+        const values = opened.floats(push.accelerations);
+        const most = greatest(values);
+        if (most > 0) {
+          key.longest = { value: most, unit: "m/s²" };
+          const times = opened.floats(rollout.times);
+          const columns = rollout.names.length;
+          const arrows = new Arrows(columns, new Color(color), 0.0055 * size);
+          const now = new Float32Array(3 * columns);
+          const from = new Vector3();
+          this.object.add(arrows.object);
+          this.steps.push((t) => {
+            lerp(values, 3 * columns, moment(times, t), now);
+            arrows.clear();
+            for (let j = 0; j < columns; j++) {
+              const [x, y, z] = [now[3 * j]!, now[3 * j + 1]!, now[3 * j + 2]!];
+              const strength = Math.hypot(x, y, z);
+              if (!(strength > 1e-4 * most)) continue;
+              if (!meshes.middle(rollout.names[j]!, from)) continue;
+              // from the surface on: what is inside the object cannot be seen
+              const out = (radii.get(rollout.names[j]!) ?? 0) / strength;
+              from.set(from.x + out * x, from.y + out * y, from.z + out * z);
+              arrows.add(from, x, y, z, (longest * strength) / most);
+            }
+            arrows.done();
+          });
+        }
+      }
+      if (mark?.field) {
+        const points = opened.floats(mark.field.points);
+        const vectors = opened.floats(mark.field.vectors);
+        const most = greatest(vectors);
+        if (most > 0) {
+          key.field = { value: most, unit: mark.field.unit };
+          const count = points.length / 3;
+          const arrows = new Arrows(count, new Color(color), 0.0022 * size, 0.5);
+          const length = Math.min(0.7 * spacing(points), 0.6 * longest);
+          const from = new Vector3();
+          for (let i = 0; i < count; i++) {
+            const [x, y, z] = [vectors[3 * i]!, vectors[3 * i + 1]!, vectors[3 * i + 2]!];
+            arrows.add(from.fromArray(points, 3 * i), x, y, z, (length * Math.hypot(x, y, z)) / most);
+          }
+          arrows.done();
+          this.object.add(arrows.object);
+        }
+      }
+      this.keys.push(key);
+    }
+  }
+
+  setTime(t: number): void {
+    for (const step of this.steps) step(t);
+  }
+}
+
+/** The greatest length of vectors (k, 3). */
+function greatest(vectors: Float32Array): number {
+  let most = 0;
+  for (let i = 0; i + 2 < vectors.length; i += 3) {
+    const length = Math.hypot(vectors[i]!, vectors[i + 1]!, vectors[i + 2]!);
+    if (length > most) most = length;
+  }
+  return most;
+}
+
+/** Distance of the first point from its nearest neighbour [m]: the side of a regular grid. */
+function spacing(points: Float32Array): number {
+  let least = Infinity;
+  for (let i = 3; i + 2 < points.length; i += 3) {
+    const d = Math.hypot(points[i]! - points[0]!, points[i + 1]! - points[1]!, points[i + 2]! - points[2]!);
+    if (d > 0 && d < least) least = d;
+  }
+  return least;
+}

@@ -1,0 +1,248 @@
+// One rollout in a three.js scene of its own: solids, marks, paths, arrows, light; and what its labels say.
+import {
+  type Box3,
+
+  DirectionalLight,
+  HemisphereLight,
+  Mesh,
+  MeshStandardMaterial,
+  type Object3D,
+  Scene,
+  Vector3,
+} from "three";
+import { quantity, words } from "../format";
+import type { EventMark, Plane, RolloutView, WorldView } from "../document";
+import type { Opened } from "../unpack";
+import { Ghost } from "./compare";
+import { EVENT_COLORS, Flashes } from "./flashes";
+import { floorMesh, roundLength } from "./floor";
+import { Marks } from "./joints";
+import type { Label } from "./labels";
+import { outline } from "./outline";
+import type { Palette } from "./palette";
+import { Pushes, type EffectKey } from "./pushes";
+import { Trails } from "./trails";
+import { buildWorld, disposeAll, type WorldMeshes } from "./world_meshes";
+
+/** What a person may switch off. */
+export interface Shown {
+  names: boolean;
+  trails: boolean;
+  joints: boolean;
+  effects: boolean;
+  events: boolean;
+}
+
+export interface ViewOf {
+  opened: Opened;
+  world: WorldView;
+  rollout: RolloutView | null;
+  /** A rollout shown as a ghost in the same scene. */
+  ghost: { world: WorldView; rollout: RolloutView } | null;
+  extent: Box3;
+}
+
+/** Labels of names are shown for so many objects at most: beyond, only the chosen one's. */
+const NAMES = 60;
+const EVENT_WORDS: Record<EventMark["kind"], string> = {
+  contact_begin: "contact",
+  contact_end: "parted",
+  entry: "entered",
+  exit: "left",
+  rest: "came to rest",
+  release: "released",
+};
+
+export class View {
+  readonly scene = new Scene();
+  readonly keys: EffectKey[];
+  readonly missing: string[];
+  readonly cell: number;
+  /** What the grid lies on, for the legend. */
+  readonly gridNote: string;
+  readonly meshes: WorldMeshes;
+  labels: Label[] = [];
+  private readonly ghost: Ghost | null = null;
+  private readonly ghostTrails: Trails | null = null;
+  private readonly trails: Trails | null = null;
+  private readonly marks: Marks;
+  private readonly pushes: Pushes;
+  private readonly flashes: Flashes | null = null;
+  private readonly size: number;
+  private highlighted: string | null = null;
+  private edge: Object3D | null = null;
+  private seen: EventMark[] = [];
+  private differences: Label[] = [];
+
+  constructor(
+    private readonly of: ViewOf,
+    private readonly palette: Palette,
+  ) {
+    const { opened, world, rollout, extent } = of;
+    const span = extent.getSize(new Vector3());
+    this.size = span.length();
+    this.cell = roundLength(0.12 * this.size);
+    this.meshes = buildWorld(opened, world, rollout);
+    this.scene.add(this.meshes.group);
+    this.missing = [...this.meshes.missing];
+    this.gridNote = this.floors();
+    this.light();
+    this.marks = new Marks(world, this.meshes, this.size, palette);
+    this.pushes = new Pushes(opened, world, rollout, this.meshes, this.size);
+    this.keys = this.pushes.keys;
+    this.scene.add(this.marks.object, this.pushes.object);
+    if (rollout) {
+      this.trails = new Trails(opened, world, rollout, this.size, false);
+      this.flashes = new Flashes(rollout, palette.rim);
+      this.scene.add(this.trails.object, this.flashes.object);
+    }
+    if (of.ghost && rollout) {
+      this.ghost = new Ghost(opened, { world, rollout }, of.ghost, this.meshes, this.size, palette.branch);
+      this.ghostTrails = new Trails(opened, of.ghost.world, of.ghost.rollout, this.size, true);
+      this.scene.add(this.ghost.object, this.ghostTrails.object);
+    }
+  }
+
+  /** Floors with a grid; where the world has none, a grid below the motion so that heights can be read. */
+  private floors(): string {
+    const { world, extent } = this.of;
+    const up = new Vector3(0, 0, 1);
+    const found: { plane: Plane; at: Vector3; name: string }[] = [];
+    if (world.floor) found.push({ plane: world.floor, at: new Vector3(), name: "floor" });
+    for (const fixed of world.statics) {
+      if (fixed.shape.kind !== "plane") continue;
+      found.push({ plane: fixed.shape, at: new Vector3().fromArray(fixed.position), name: fixed.name });
+      const solid = this.meshes.byName.get(fixed.name);
+      if (solid) solid.visible = false; // drawn here, with its grid
+    }
+    const centre = extent.getCenter(new Vector3());
+    const reach = 1.6 * this.size;
+    const colors = { surface: this.palette.floor, line: this.palette.grid };
+    let note = "";
+    for (const { plane, at, name } of found) {
+      const normal = new Vector3().fromArray(plane.normal);
+      const length = normal.length() || 1;
+      normal.divideScalar(length);
+      const solid = this.meshes.byName.get(name);
+      if (solid) normal.applyQuaternion(solid.quaternion);
+      const offset = plane.offset / length + normal.dot(at);
+      const flat = normal.dot(up) > 0.999;
+      this.scene.add(floorMesh(normal, offset, centre, reach, this.cell, colors, flat ? 1 : 0.6));
+      if (flat) note ||= `on ${words(name)}`;
+    }
+    if (!note) {
+      const height = extent.min.z;
+      this.scene.add(floorMesh(up, height, centre, reach, this.cell, colors, 0.35));
+      note = `at z = ${quantity(height, "m", 3)}, not a floor`;
+    }
+    return note;
+  }
+
+  /** Soft light from all sides and one lamp nearly overhead, so that a shadow lies below what casts it. */
+  private light(): void {
+    const { extent } = this.of;
+    const centre = extent.getCenter(new Vector3());
+    this.scene.add(new HemisphereLight(0xffffff, this.palette.bounce, this.palette.ambient));
+    const lamp = new DirectionalLight(0xffffff, this.palette.lamp);
+    lamp.position.copy(centre).add(new Vector3(-0.22, -0.3, 1).normalize().multiplyScalar(1.5 * this.size));
+    lamp.target.position.copy(centre);
+    lamp.castShadow = true;
+    lamp.shadow.mapSize.set(2048, 2048);
+    const half = 0.62 * this.size;
+    Object.assign(lamp.shadow.camera, { left: -half, right: half, top: half, bottom: -half, near: 0.2 * this.size, far: 3.5 * this.size });
+    lamp.shadow.normalBias = (2 * half) / 2048;
+    lamp.shadow.bias = -2e-4;
+    lamp.shadow.radius = 4;
+    lamp.shadow.intensity = this.palette.shadow;
+    const fill = new DirectionalLight(0xffffff, 0.35 * this.palette.lamp);
+    fill.position.copy(centre).add(new Vector3(0.7, -0.6, 0.35).multiplyScalar(this.size));
+    fill.target.position.copy(centre);
+    this.scene.add(lamp, lamp.target, fill, fill.target);
+  }
+
+  setTime(t: number, shown: Shown): void {
+    this.meshes.setTime(t);
+    this.marks.update();
+    if (shown.effects) this.pushes.setTime(t);
+    this.trails?.setTime(t);
+    this.ghostTrails?.setTime(t);
+    this.seen = this.flashes?.setTime(t) ?? [];
+    this.differences = this.ghost?.setTime(t) ?? [];
+    this.marks.object.visible = shown.joints;
+    this.pushes.object.visible = shown.effects;
+    if (this.trails) this.trails.object.visible = shown.trails;
+    if (this.ghostTrails) this.ghostTrails.object.visible = shown.trails;
+    if (this.flashes) this.flashes.object.visible = shown.events;
+    this.write(shown);
+  }
+
+  /** The chosen object gets an outline; what has no rigid surface shines. */
+  highlight(name: string | null): void {
+    if (name === this.highlighted) return;
+    this.glow(this.highlighted, 0);
+    if (this.edge) disposeAll(this.edge);
+    this.edge = null;
+    this.highlighted = name;
+    const object = name === null ? undefined : this.meshes.byName.get(name);
+    if (!object) return;
+    if (object instanceof Mesh) {
+      this.edge = outline(object, this.palette.chosen);
+      object.add(this.edge);
+    }
+    this.glow(name, object instanceof Mesh ? 0.12 : 0.4);
+  }
+
+  private glow(name: string | null, strength: number): void {
+    if (name === null) return;
+    this.meshes.byName.get(name)?.traverse((part) => {
+      const material = (part as Mesh).material;
+      if (!(material instanceof MeshStandardMaterial)) return;
+      material.emissive.copy(material.color);
+      material.emissiveIntensity = strength;
+    });
+  }
+
+  /** Most important first: where two would cover each other the first is shown. */
+  private write(shown: Shown): void {
+    const { world, rollout } = this.of;
+    const labels: Label[] = [];
+    const names = rollout?.names ?? [];
+    const label = (name: string) => {
+      const at = new Vector3();
+      if (!this.meshes.middle(name, at)) return;
+      const color = world.moving.find((m) => m.name === name)?.color ?? null;
+      labels.push({ key: name, text: words(name), at, color, kind: "name", chosen: name === this.highlighted });
+    };
+    if (this.highlighted !== null) label(this.highlighted);
+    labels.push(...this.differences);
+    if (shown.events) {
+      for (const event of this.seen) {
+        const strength = event.impulse !== null ? ` ${quantity(event.impulse, "N s", 3)}` : "";
+        const text = `${EVENT_WORDS[event.kind]}: ${event.participants.map(words).join(" – ")}${strength}`;
+        const at = new Vector3().fromArray(event.position!);
+        const color = `#${EVENT_COLORS[event.kind].getHexString()}`;
+        labels.push({ key: `${event.kind}@${event.time}${event.participants.join()}`, text, at, color, kind: "event" });
+      }
+    }
+    if (shown.names && names.length <= NAMES) {
+      for (const name of names) if (name !== this.highlighted) label(name);
+      for (const region of world.regions) {
+        const at = new Vector3().fromArray(region.lower).lerp(new Vector3().fromArray(region.upper), 0.5);
+        at.z = region.upper[2]!;
+        labels.push({ key: `region ${region.name}`, text: words(region.name), at, color: null, kind: "region" });
+      }
+    }
+    this.labels = labels;
+  }
+
+  dispose(): void {
+    this.highlight(null);
+    this.ghost?.dispose();
+    this.meshes.dispose();
+    this.scene.traverse((part) => {
+      if (part instanceof DirectionalLight) part.dispose();
+    });
+    disposeAll(this.scene);
+  }
+}
+
