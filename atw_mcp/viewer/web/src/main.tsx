@@ -1,4 +1,5 @@
 import { render } from "preact";
+import { listen } from "./keys";
 import { Shell } from "./shell";
 import { open } from "./source";
 import { runClock } from "./state";
@@ -7,4 +8,5 @@ import "./style.css";
 
 render(<Shell />, document.getElementById("app")!);
 runClock();
+listen();
 void open();

@@ -9,6 +9,7 @@ import { Film } from "./panels/film";
 import { Fits } from "./panels/fits";
 import { Gap } from "./panels/gap";
 import { Head } from "./panels/head";
+import { Help } from "./panels/help";
 import { Notices } from "./panels/notices";
 import { Objects } from "./panels/objects";
 import { Provenance } from "./panels/provenance";
@@ -72,6 +73,7 @@ export function Shell() {
         </aside>
       )}
       <Below doc={doc} />
+      <Help />
     </main>
   );
 }

@@ -41,20 +41,25 @@ export const other = computed(() => (layout.value === "one" ? null : rolloutOf(c
 export const world = computed(() => worldOf(rollout.value?.world ?? null));
 export const otherWorld = computed(() => worldOf(other.value?.world ?? null));
 
-/** Length of what is shown [s]. */
-export const duration = computed(() => {
-  const film = document.value?.film ?? null;
-  const spf = world.value?.seconds_per_frame ?? 0;
-  const ends = [rollout.value, other.value].map((r) => (r ? lastTime(r) : 0));
-  if (!rollout.value && film) ends.push((film.frame_count - 1) * (spf || 0.04));
-  return Math.max(0, ...ends);
+/** Time from one frame of the video to the next [s]; without a world that says it, that of 25 frames a second. */
+export const secondsPerFrame = computed(
+  () => world.value?.seconds_per_frame || document.value?.worlds.at(-1)?.seconds_per_frame || 0.04,
+);
+
+/** When the last frame of the video begins [s]; null where no video was observed. */
+export const filmEnd = computed(() => {
+  const frames = document.value?.film?.frame_count || world.value?.frame_count || 0;
+  return frames > 0 ? (frames - 1) * secondsPerFrame.value : null;
 });
 
-/** Frame of the video at the present time, not rounded; null where no world says how long a frame takes. */
-export const frame = computed(() => {
-  const spf = world.value?.seconds_per_frame ?? document.value?.worlds.at(-1)?.seconds_per_frame ?? 0.04;
-  return time.value / spf;
+/** Length of what is shown [s]. */
+export const duration = computed(() => {
+  const shown = [rollout.value, other.value].filter((r) => r !== null);
+  return shown.length ? Math.max(...shown.map(lastTime)) : (filmEnd.value ?? 0);
 });
+
+/** Frame of the video at the present time, not rounded. */
+export const frame = computed(() => time.value / secondsPerFrame.value);
 
 export function rolloutOf(id: string | null): RolloutView | null {
   return document.value?.rollouts.find((r) => r.id === id) ?? null;

@@ -1,6 +1,8 @@
 // The case: its file, its questions with their answers, and the evidence that each answer rests on.
 import type { Answer, CaseView } from "../document";
 import { digits } from "../format";
+import { Icon } from "../icons";
+import { helpOpen } from "../keys";
 import { document, evidence, live, tab } from "../state";
 import { preference, type Preference } from "../theme";
 import "./head.css";
@@ -27,6 +29,9 @@ export function Head() {
         {live.value && <span class="chip good">live</span>}
         <span class="push" />
         <Theme />
+        <button class="quiet icon" aria-label="Keys" title="Keys (?)" onClick={() => (helpOpen.value = true)}>
+          <b aria-hidden="true">?</b>
+        </button>
       </div>
       {rows.length > FOLDED_ABOVE ? (
         <details>
@@ -55,7 +60,7 @@ function Row({ question, answer }: { question: string; answer: Answer | null }) 
     <li class="answer panel" data-question={question} data-answer={settled ?? ""}>
       <p class="question">{question}</p>
       <p class="verdict">
-        {settled !== null ? settled : <span class="soft">{answer ? "unresolved" : "not answered yet"}</span>}
+        {settled !== null ? spoken(settled) : <span class="soft">{answer ? "unresolved" : "not answered yet"}</span>}
       </p>
       {answer && (
         <div class="because small soft">
@@ -78,6 +83,10 @@ function Row({ question, answer }: { question: string; answer: Answer | null }) 
   );
 }
 
+function spoken(answer: string): string {
+  return answer === "true" ? "yes" : answer === "false" ? "no" : answer;
+}
+
 /** Show a row of evidence in its list. */
 export function cite(id: string): void {
   evidence.value = id;
@@ -88,11 +97,12 @@ function Theme() {
   const next: Record<Preference, Preference> = { system: "light", light: "dark", dark: "system" };
   return (
     <button
-      class="quiet"
-      title="Change between the system's, the light and the dark theme"
+      class="quiet icon"
+      aria-label={THEMES[preference.value]}
+      title={`${THEMES[preference.value]}; change to ${THEMES[next[preference.value]]}`}
       onClick={() => (preference.value = next[preference.value])}
     >
-      {THEMES[preference.value]}
+      <Icon name={preference.value} />
     </button>
   );
 }
