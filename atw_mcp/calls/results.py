@@ -35,6 +35,7 @@ class Answer:
     default data. whole: not to be cut to `ROOM`, which would spoil a schema. The rest is provenance: what the
     result was computed from and what it covers.
     pictures: encoded image files by name ("overlay.png").
+    record: id of a stored result that keeps the numbers behind them, which agents are not shown.
     """
 
     summary: str
@@ -49,6 +50,7 @@ class Answer:
     interval: tuple[float, float] | None = None
     status: Status = "completed"
     pictures: dict[str, bytes] = field(default_factory=dict)
+    record: str | None = None
 
     def to_evidence(self, tool: str, arguments: dict[str, Any]) -> Evidence:
         """The record of this answer, as yet without an id."""
@@ -67,6 +69,7 @@ class Answer:
                 "data": plain(self.data),
                 "shown": None if self.shown is None else plain(self.shown),
                 **({"whole": True} if self.whole else {}),
+                **({} if self.record is None else {"record": self.record}),
             },
             pictures=self.pictures,
         )

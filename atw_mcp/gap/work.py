@@ -10,6 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from atw_mcp.calls.jobs import Cancelled, Progress
+from atw_mcp.gap.numbers import GapNumbers, clocks_of, compared_trial, residuals_of, since_start
 from atw_mcp.gap.unknowns import unknown_of
 from atw_mcp.gap.words import verdict_text, worth_text
 from polyworld.core import interruption
@@ -23,32 +24,34 @@ from polyworld.estimation.run_segments import in_segments, of_whole_runs
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapReport, GapSettings, ebic, find_gap
 from polyworld.gap.cautions import cautions
-from polyworld.gap.comparison import Compared, compared
+from polyworld.gap.comparison import Compared
 from polyworld.gap.examine import fitted_base, with_refined_noise
 from polyworld.gap.held_out import Split, held_out_gap
 from polyworld.gap.localise import localise
 from polyworld.gap.power import power_check
 from polyworld.gap.report import effects_of, finite
+from polyworld.gap.segment_jumps import segment_jumps
 from polyworld.world import Effect, World
 from polyworld.world.parameters import parameter_paths, with_parameters
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a piece of work: a summary for the agent, all of it as plain data, pictures as PNG files by name, and
-    the world that it made, if it made one."""
+    """Outcome of a piece of work: a summary for the agent, all of it as plain data, pictures as PNG files by name, the
+    world that it made, if it made one, and the numbers behind the pictures, None in older records."""
 
     summary: str
     data: dict[str, Any]
     pictures: dict[str, bytes] = field(default_factory=dict)
     world: World | None = None
+    numbers: GapNumbers | None = None
 
 
-def examine(world: World, recording: Recording, base: tuple[Unknown, ...], power: bool, progress: Progress) -> Outcome:
+def examine(world: World, parts: Split, base: tuple[Unknown, ...], power: bool, progress: Progress) -> Outcome:
     """Fit what a world leaves open and look at what is left; power: also what each effect had to be to be seen."""
     progress.report(0.0, 1.0, "fitting initial states and base parameters")
     with _interruptible():
-        trial = fitted_base(design(world, in_segments(recording, world)), base, cancelled=progress.cancelled)
+        trial = fitted_base(design(world, in_segments(parts.fitted, world)), base, cancelled=progress.cancelled)
         progress.report(0.5, 1.0, "looking at what is left")
         where = localise(trial.context.design, trial.context.noise, trial.fit, unknowns=trial.hypothesis.unknowns)
         found = {
@@ -65,8 +68,12 @@ def examine(world: World, recording: Recording, base: tuple[Unknown, ...], power
         if power:
             progress.report(0.7, 1.0, "which effects could have been seen")
             found["power"] = [row.to_json() for row in power_check(trial)]
-        pictures = _pictures(_compared(trial))
-    return Outcome(f"{trial.goodness.summary()} {where.summary()}", finite(found), pictures)
+        progress.report(0.9, 1.0, "velocity jumps between segments of the runs")
+        seen, clocks = compared_trial(trial), clocks_of(parts)
+        jumps = since_start(segment_jumps(trial), clocks)
+        numbers = GapNumbers(residuals_of(trial, seen, None, clocks), jumps)
+        pictures = _pictures(seen)
+    return Outcome(f"{trial.goodness.summary()} {where.summary()}", finite(found), pictures, numbers=numbers)
 
 
 def propose(
@@ -108,7 +115,9 @@ def propose(
         }
         for trial in chosen
     ]
-    return Outcome(verdict_text(summary), finite(summary))
+    after = None if best is None else compared_trial(best)
+    numbers = GapNumbers(residuals_of(report.base, compared_trial(report.base), after, clocks_of(parts)))
+    return Outcome(verdict_text(summary), finite(summary), numbers=numbers)
 
 
 class _Steps:
@@ -138,7 +147,7 @@ def _fitted_world(trial: FittedHypothesis, world: World) -> World:
 def pictures_of(report: GapReport) -> dict[str, bytes]:
     """Draw the base's residuals, and those of the best hypothesis, on the data fitted."""
     best = report.verdict.best
-    return _pictures(_compared(report.base), None if best is None else _compared(best))
+    return _pictures(compared_trial(report.base), None if best is None else compared_trial(best))
 
 
 @dataclass(frozen=True)
@@ -219,11 +228,13 @@ def worth(proposal: Proposal, parts: Split, progress: Progress) -> Outcome:
 
     Where the data are a single run, the world made starts as that run did.
     """
-    pair = (proposal.before, proposal.after)
+    pair, clocks = (proposal.before, proposal.after), clocks_of(parts)
     with _interruptible():
         progress.report(0.6, 1.0, "before and after on the data fitted")
         fitted = held_out_gap(*pair, parts.fitted)
         trials = _alone(pair, parts.fitted, progress)
+        sides = [compared_trial(trial) for trial in trials]
+        residuals = residuals_of(trials[0], sides[0], sides[1], clocks)
         made = proposal.after if len(parts.fitted.runs) > 1 else _starting_as(trials[1])
         gap = None
         if parts.held_out is not None:
@@ -231,6 +242,8 @@ def worth(proposal: Proposal, parts: Split, progress: Progress) -> Outcome:
             pair = (parts.held_out_world(pair[0]), parts.held_out_world(pair[1]))
             gap = held_out_gap(*pair, parts.held_out)
             trials = _alone(pair, parts.held_out, progress)
+            sides = [compared_trial(trial) for trial in trials]
+            residuals += residuals_of(trials[0], sides[0], sides[1], clocks, held_out=True)
     data = finite(
         {
             "effects": proposal.effects,
@@ -242,8 +255,8 @@ def worth(proposal: Proposal, parts: Split, progress: Progress) -> Outcome:
         }
     )
     says = "the data fitted are explained" if proposal.explains else "the data fitted are still not explained"
-    pictures = _pictures(_compared(trials[0]), _compared(trials[1]))
-    return Outcome(f"{proposal.title}: {says}; {worth_text(data)}", data, pictures, made)
+    text = f"{proposal.title}: {says}; {worth_text(data)}"
+    return Outcome(text, data, _pictures(sides[0], sides[1]), made, GapNumbers(residuals))
 
 
 def _alone(worlds: Sequence[World], recording: Recording, progress: Progress) -> list[FittedHypothesis]:
@@ -271,10 +284,6 @@ def _interruptible() -> Iterator[None]:
         yield
     except InterruptedError as error:
         raise Cancelled from error
-
-
-def _compared(trial: FittedHypothesis) -> tuple[Compared, ...]:
-    return compared(trial.context.forward(trial.hypothesis), trial.context.noise, trial.fit)
 
 
 def _pictures(before: tuple[Compared, ...], after: tuple[Compared, ...] | None = None) -> dict[str, bytes]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
 from mcp.server.mcpserver.exceptions import ToolError
+from numpy.typing import NDArray
 from pydantic import Field
 
 from atw_mcp.calls.app import App
@@ -16,6 +17,7 @@ from atw_mcp.calls.results import Answer, explained, plain
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.fitting.verdict import cure, verdict_of
 from atw_mcp.gap import work as gap_work
+from atw_mcp.gap.numbers import GapNumbers
 from atw_mcp.gap.shown import next_step, shown_discrepancy, shown_proposals
 from atw_mcp.gap.unknowns import base_unknowns
 from atw_mcp.gap.work import Outcome
@@ -88,7 +90,7 @@ def find_discrepancy(
     return _found_or_computed(
         app,
         _Question("examine", found, start, recording, {"base": _plain(unknowns), "power": power}),
-        lambda progress: gap_work.examine(start, recording.parts.fitted, unknowns, power, progress),
+        lambda progress: gap_work.examine(start, recording.parts, unknowns, power, progress),
         answer,
         patience_seconds,
     )
@@ -316,9 +318,10 @@ def _found_or_computed(
     patience: float,
 ) -> Answer | LongWork:
     """The stored outcome of an equal question, else the work that finds it."""
+    key = app.store.fits.key(KIND, question.whole)
     kept = app.store.fits.find(KIND, question.whole)
     if kept is not None:
-        return answer(_outcome(kept))
+        return replace(answer(_outcome(kept)), record=key)
 
     def work(progress: Progress) -> Answer:
         with explained():
@@ -328,12 +331,17 @@ def _found_or_computed(
             "data": plain(outcome.data),
             "world": None if outcome.world is None else outcome.world.model_dump(mode="json"),
         }
-        pictures = {name: np.frombuffer(content, np.uint8) for name, content in outcome.pictures.items()}
-        app.store.fits.put(KIND, question.whole, document, pictures)
-        return answer(outcome)
+        arrays: dict[str, NDArray[Any]] = {
+            name: np.frombuffer(content, np.uint8) for name, content in outcome.pictures.items()
+        }
+        if outcome.numbers is not None:
+            document["numbers"], numbers = outcome.numbers.to_record()
+            arrays |= numbers
+        app.store.fits.put(KIND, question.whole, document, arrays)
+        return replace(answer(outcome), record=key)
 
     return LongWork(
-        key=app.store.fits.key(KIND, question.whole) + question.case.id,
+        key=key + question.case.id,
         work=work,
         draft=Answer(
             summary=f"{DOING[question.what]} {question.world.id} on {question.recording.id}",
@@ -349,9 +357,11 @@ def _found_or_computed(
 
 def _outcome(kept: Content) -> Outcome:
     made = kept.document["world"]
+    numbers = kept.document.get("numbers")
     return Outcome(
         kept.document["summary"],
         kept.document["data"],
-        {name: content.tobytes() for name, content in kept.arrays.items()},
+        {name: content.tobytes() for name, content in kept.arrays.items() if name.endswith(".png")},
         None if made is None else World.model_validate(made),
+        None if numbers is None else GapNumbers.of_record(numbers, kept.arrays),
     )

@@ -6,7 +6,7 @@ from atw_mcp.calls.jobs import Progress
 from atw_mcp.gap.shown import shown_discrepancy
 from atw_mcp.gap.work import examine, fitted_effect, worth
 from polyworld.data.recording import Recording, Run
-from polyworld.gap.held_out import hold_out
+from polyworld.gap.held_out import Split, hold_out
 from polyworld.world import Effect
 from tests.polyworld.gap_scenes import puck_world
 
@@ -24,11 +24,15 @@ def slide(count: int) -> Recording:
 
 
 def test_where_a_long_run_disagrees_is_reported_with_the_caution_that_it_is_in_parts() -> None:
-    outcome = examine(TABLE, slide(1600), (), False, Progress())
+    outcome = examine(TABLE, Split(slide(1600), None, ""), (), False, Progress())
     assert not outcome.data["explained"]
     (said,) = [c for c in shown_discrepancy(outcome.data)["cautions"] if "parts" in c]
     assert said.startswith("run slide is long: it was fitted in 3 parts of")
     assert set(outcome.pictures) == {"residuals.png", "paths.png", "map.png"}
+    assert outcome.numbers is not None
+    assert {item.run for item in outcome.numbers.residuals} == {"slide"}  # the parts go by the clock of the whole
+    times = np.concatenate([item.times for item in outcome.numbers.residuals])
+    np.testing.assert_allclose(times, np.arange(1600) / 200.0, atol=1e-9)
 
 
 def test_an_effect_added_to_a_long_run_is_fitted_and_closes_the_sealed_gap() -> None:
@@ -42,3 +46,7 @@ def test_an_effect_added_to_a_long_run_is_fitted_and_closes_the_sealed_gap() -> 
     assert outcome.data["sealed"]["closed"] > 0.9
     assert outcome.world is not None
     np.testing.assert_allclose(outcome.world.objects[0].velocity[:2], [1.5, -0.7], atol=0.005)
+    assert outcome.numbers is not None
+    held_out = [item for item in outcome.numbers.residuals if item.held_out]
+    assert {item.run for item in held_out} == {"slide"}
+    np.testing.assert_allclose(np.concatenate([i.times for i in held_out]), np.arange(1800, 2400) / 200.0, atol=1e-9)

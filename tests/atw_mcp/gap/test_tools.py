@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from mcp import Client
 
+from atw_mcp.gap.numbers import GapNumbers
+from evidence_store import EvidenceStore
 from tests.atw_mcp.gap.thrown_ball import DRAG, EFFECTS, MASS, SIGMA, flown, world, write_table
 from tests.atw_mcp.session import Session
 
@@ -138,6 +140,44 @@ def test_equal_questions_are_answered_from_the_store(call: Session, start: str, 
 def test_the_whole_result_can_be_read_later(call: Session, proposals: dict[str, Any]) -> None:
     steps = call("ReadEvidence", evidence=proposals["evidence"], path="history")
     assert steps["data"]["of"] > 3
+
+
+def test_the_numbers_behind_the_pictures_are_kept_beside_the_evidence(
+    call: Session, discrepancy: dict[str, Any], added: dict[str, Any]
+) -> None:
+    store = EvidenceStore(call.store)
+    payload = store.evidence.get(discrepancy["evidence"]).payload
+    kept = store.fits.get(payload["record"])
+    numbers = GapNumbers.of_record(kept.document["numbers"], kept.arrays)
+    assert [item.run for item in numbers.residuals] == ["r0", "r1", "r2"]
+    for item, rows in zip(numbers.residuals, flown(), strict=False):
+        np.testing.assert_allclose(item.observed, rows[:, 1:], atol=1e-6)
+        # The world has gravity alone: whatever was fitted, its paths are parabolas.
+        np.testing.assert_allclose(
+            np.diff(item.before, n=2, axis=0) * 60**2, [[0.0, 0.0, -9.81]] * 59, atol=0.05
+        )  # times have six decimals
+        sigma = (item.before - item.observed) / item.residual_before
+        np.testing.assert_allclose(sigma, payload["data"]["noise"]["levels"][0]["sigma"], rtol=1e-3)
+    assert numbers.jumps is not None
+    assert all(jump.sigmas > 10 for jump in numbers.jumps)
+    assert all(jump.change[0] * rows[1, 1] < 0 for jump, rows in zip(numbers.jumps[::2], flown(), strict=False))
+    kept = store.fits.get(store.evidence.get(added["evidence"]).payload["record"])
+    numbers = GapNumbers.of_record(kept.document["numbers"], kept.arrays)
+    assert [(item.run, item.held_out) for item in numbers.residuals] == [
+        ("r0", False),
+        ("r1", False),
+        ("r2", False),
+        ("r3", True),
+    ]
+    assert all(
+        np.abs(item.residual_after).mean() < 1.0 < np.abs(item.residual_before).mean() / 3 for item in numbers.residuals
+    )
+
+
+def test_agents_are_not_shown_the_numbers(call: Session, discrepancy: dict[str, Any]) -> None:
+    again = call("ReadEvidence", evidence=discrepancy["evidence"], detail="full")
+    assert "record" not in str(again["data"]).replace("recording", "")
+    assert "residuals" not in again["data"]
 
 
 def test_a_law_of_ones_own_is_fitted_and_can_be_switched_off(tmp_path: Path) -> None:
