@@ -463,33 +463,35 @@ class FitView(Part):
 class GapSeries(Part):
     """Residuals of one object in one run, before an effect was added and after."""
 
-    run: str
+    run: str = Field(description="empty where there is but one: its times are then those of the worlds and the film")
     object: str
-    times: Block = Field(description="float32 (T,) [s]")
+    times: Block = Field(description="float32 (T,) [s] since the start of the run")
     observed: Block = Field(description="float32 (T, 3) [m]")
     before: Block = Field(description="float32 (T, 3) simulated without the effect [m]")
     residual_before: Block = Field(description="float32 (T, 3) in standard deviations of the noise")
     after: Block | None = Field(description="float32 (T, 3) simulated with the effect [m]")
     residual_after: Block | None
-    held_out: list[Interval] = Field(description="intervals of time held out of the fit [s]")
+    held_out: list[Interval] = Field(description="intervals of time held out of the fit [s], each fitted a start only")
 
 
 class Jump(Part):
     """The impulse that is missing between two segments of a run fitted with weak continuity."""
 
-    run: str
+    run: str = Field(description="as in the series")
     object: str
-    time: float = Field(description="[s]")
+    time: float = Field(description="[s] since the start of the run")
     sigmas: float = Field(description="its size, in its standard deviations")
     position: Vector | None = Field(description="[m]")
-    velocity_change: Vector | None = Field(description="[m/s]")
+    velocity_change: Vector | None = Field(description="0 along axes that were not measured [m/s]")
 
 
 class Candidate(Part):
     """A hypothesis about what is missing."""
 
     title: str
-    behind: float | None = Field(description="extended BIC above that of the best; null where it diverges")
+    behind: float | None = Field(
+        description="extended BIC above that of the best; null where it diverges or was not compared"
+    )
     explains: bool
     values: list[FittedParameter]
 
@@ -500,14 +502,16 @@ class GapView(Part):
     evidence: str
     tool: Literal["FindDiscrepancy", "ProposeEffects", "AddEffect"]
     world: str | None
-    verdict: str
+    verdict: str = Field(description="in plain words")
     summary: str
     series: list[GapSeries]
     jumps: list[Jump]
     candidates: list[Candidate] = Field(description="best first")
-    gap_before: float | None = Field(description="on held-out data [m]")
-    gap_after: float | None = Field(description="on held-out data [m]")
-    noise: float | None = Field(description="[m]")
+    gap_before: float | None = Field(description="residuals beyond the noise, root mean square, in `gap_unit`")
+    gap_after: float | None = Field(description="the same with the effect")
+    noise: float | None = Field(description="in `gap_unit`")
+    gap_unit: str = Field("m", description="m, rad or rad/s")
+    gap_held_out: bool = Field(True, description="measured on held-out data; false: on the data fitted")
 
 
 # --- work under way ---

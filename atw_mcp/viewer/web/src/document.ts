@@ -46,7 +46,7 @@ export interface CameraView {
 /** A hypothesis about what is missing. */
 export interface Candidate {
   title: string;
-  /** extended BIC above that of the best; null where it diverges */
+  /** extended BIC above that of the best; null where it diverges or was not compared */
   behind: number | null;
   explains: boolean;
   values: FittedParameter[];
@@ -245,9 +245,10 @@ export interface FittedParameter {
 
 /** Residuals of one object in one run, before an effect was added and after. */
 export interface GapSeries {
+  /** empty where there is but one: its times are then those of the worlds and the film */
   run: string;
   object: string;
-  /** float32 (T,) [s] */
+  /** float32 (T,) [s] since the start of the run */
   times: Block;
   /** float32 (T, 3) [m] */
   observed: Block;
@@ -258,7 +259,7 @@ export interface GapSeries {
   /** float32 (T, 3) simulated with the effect [m] */
   after: Block | null;
   residual_after: Block | null;
-  /** intervals of time held out of the fit [s] */
+  /** intervals of time held out of the fit [s], each fitted a start only */
   held_out: ((number | null)[])[];
 }
 
@@ -267,18 +268,23 @@ export interface GapView {
   evidence: string;
   tool: "FindDiscrepancy" | "ProposeEffects" | "AddEffect";
   world: string | null;
+  /** in plain words */
   verdict: string;
   summary: string;
   series: GapSeries[];
   jumps: Jump[];
   /** best first */
   candidates: Candidate[];
-  /** on held-out data [m] */
+  /** residuals beyond the noise, root mean square, in `gap_unit` */
   gap_before: number | null;
-  /** on held-out data [m] */
+  /** the same with the effect */
   gap_after: number | null;
-  /** [m] */
+  /** in `gap_unit` */
   noise: number | null;
+  /** m, rad or rad/s */
+  gap_unit: string;
+  /** measured on held-out data; false: on the data fitted */
+  gap_held_out: boolean;
 }
 
 /** A joint, an attachment or a pulley, where it is at the start. `anchor` moves with `object` where that is rigid, else with `other` where that is; else it stays. `other_anchor` moves with `other`, else stays. An attachment is where the points of `object` that it holds are. */
@@ -303,15 +309,16 @@ export interface JointMark {
 
 /** The impulse that is missing between two segments of a run fitted with weak continuity. */
 export interface Jump {
+  /** as in the series */
   run: string;
   object: string;
-  /** [s] */
+  /** [s] since the start of the run */
   time: number;
   /** its size, in its standard deviations */
   sigmas: number;
   /** [m] */
   position: number[] | null;
-  /** [m/s] */
+  /** 0 along axes that were not measured [m/s] */
   velocity_change: number[] | null;
 }
 
