@@ -13,6 +13,7 @@ from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.viewer import document as view
 from atw_mcp.viewer.colors import distinct_colors
 from atw_mcp.viewer.edits import branch_label, edit_words
+from atw_mcp.viewer.gaps import gap_views
 from atw_mcp.viewer.observed import observed_view, tracks_view
 from atw_mcp.viewer.packing import Blocks
 from atw_mcp.viewer.rollouts import rollout_view
@@ -141,6 +142,8 @@ class _Records:
 def _document(read: _Records, first: list[str]) -> tuple[view.ViewDocument, Blocks]:
     blocks = Blocks()
     colors = _colors(read)
+    gaps, unshown = gap_views(read.store, read.case, blocks)
+    read.missing += unshown
     budget = shares([len(r.trajectory.times) * numbers_per_sample(r.trajectory) for r in read.rollouts.values()])
     shown = view.ViewDocument(
         made_by=f"atw-mcp {installed_version()}",
@@ -176,7 +179,7 @@ def _document(read: _Records, first: list[str]) -> tuple[view.ViewDocument, Bloc
         ],
         comparisons=[],
         fits=[],
-        gaps=[],
+        gaps=gaps,
         evidence=[evidence_row(row) for row in read.evidence],
         provenance=view.Provenance(nodes=[], edges=[]),
         running=[],

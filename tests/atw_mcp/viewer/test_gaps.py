@@ -1,0 +1,130 @@
+"""What the viewer shows of a gap is what the store holds and what a rollout gives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from atw_mcp.viewer.document import Block, GapView
+from atw_mcp.viewer.gaps import gap_views
+from atw_mcp.viewer.packing import Blocks
+from evidence_store import EvidenceStore
+from evidence_store.export import export_case, import_case
+from tests.atw_mcp.gap.thrown_ball import DRAG, LAUNCHES, SIGMA, flown, world, write_table
+from tests.atw_mcp.session import Session
+
+WAIT = {"patience_seconds": 300}
+HELD_OUT = 46  # the first of 61 samples that is held out, the last quarter
+
+
+@pytest.fixture(scope="module")
+def call(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """One throw of a ball: its gap, and drag added with the coefficient that it has."""
+    folder = tmp_path_factory.mktemp("view")
+    table = write_table(folder / "ball.csv", flown(launches=LAUNCHES[1:2]))
+    session = Session(folder / "atw.db")
+    session("OpenCase", data=str(table), name="ball")
+    session("ImportObservation", case="ball", kind="recording", path=str(table))
+    session("BuildWorld", case="ball", world=world())
+    session("FindDiscrepancy", case="ball", **WAIT)
+    effect = {"name": "air", "kind": "quadratic_drag", "parameters": {"coefficient": DRAG}}
+    added = session("AddEffect", case="ball", effect=effect, **WAIT)["data"]["world"]
+    session("CommitWorld", case="ball", world=added)
+    session("Rollout", case="ball", horizon_seconds=1.0)
+    return session
+
+
+class Read:
+    """The views of a store, and their numbers."""
+
+    def __init__(self, store: EvidenceStore) -> None:
+        self.blocks = Blocks()
+        self.views, self.missing = gap_views(store, store.cases.get("ball"), self.blocks)
+
+    def __call__(self, block: Block | None) -> NDArray[np.float64]:
+        assert block is not None
+        count = int(np.prod(block.shape))
+        whole = np.frombuffer(self.blocks.joined(), "<f4", count, block.offset)
+        return whole.reshape(block.shape).astype(float)
+
+    def of(self, tool: str) -> GapView:
+        """The only step of a tool."""
+        (found,) = [v for v in self.views if v.tool == tool]
+        return found
+
+
+@pytest.fixture(scope="module")
+def read(call: Session) -> Read:
+    return Read(EvidenceStore(call.store))
+
+
+def test_residuals_are_simulated_less_observed_in_standard_deviations(call: Session, read: Read) -> None:
+    (series,) = read.of("AddEffect").series
+    rows = flown(launches=LAUNCHES[1:2])[0]
+    np.testing.assert_allclose(read(series.times), rows[:, 0], atol=1e-6)
+    np.testing.assert_allclose(read(series.observed), rows[:, 1:], atol=1e-6)
+    store = EvidenceStore(call.store)
+    (rollout,) = [r.rollout for r in store.evidence.of_case("ball", tool="Rollout")]
+    assert rollout is not None
+    path = store.rollouts.get(rollout).arrays
+    fitted = slice(0, HELD_OUT)
+    rolled = np.stack([np.interp(rows[fitted, 0], path["times"], path["positions"][:, 0, a]) for a in range(3)], 1)
+    np.testing.assert_allclose(read(series.after)[fitted], rolled, atol=1e-3 * SIGMA + 1e-5)
+    for simulated, residual in ((series.before, series.residual_before), (series.after, series.residual_after)):
+        sigma = ((read(simulated) - read(series.observed)) / read(residual))[fitted]
+        np.testing.assert_allclose(sigma, np.median(sigma), rtol=1e-2)
+        assert np.median(sigma) == pytest.approx(SIGMA, rel=0.3)  # as estimated from 46 samples
+
+
+def test_held_out_times_are_named_and_the_gap_there_is_the_tools(call: Session, read: Read) -> None:
+    shown = read.of("AddEffect")
+    assert shown.series[0].held_out == [[pytest.approx(HELD_OUT / 60, abs=1e-5), pytest.approx(1.0, abs=1e-5)]]
+    assert shown.series[0].run == ""  # there is but one
+    (record,) = EvidenceStore(call.store).evidence.of_case("ball", tool="AddEffect")
+    sealed = EvidenceStore(call.store).evidence.get(record.id).payload["data"]["sealed"]
+    assert (shown.gap_before, shown.gap_after, shown.noise) == (
+        sealed["gap_before"],
+        sealed["gap_after"],
+        sealed["noise_floor"],
+    )
+    assert shown.gap_held_out
+    assert shown.candidates[0].values[0].value == pytest.approx(DRAG, rel=0.05)
+
+
+def test_jumps_brake_the_ball_along_its_way(read: Read) -> None:
+    shown = read.of("FindDiscrepancy")
+    assert shown.verdict == "Something is missing"
+    assert len(shown.jumps) == 1  # 46 samples make two segments
+    (jump,) = shown.jumps
+    assert jump.velocity_change is not None
+    assert np.dot(jump.velocity_change[:2], LAUNCHES[1][0][:2]) < 0.0
+    assert jump.sigmas > 5
+
+
+def test_an_exported_case_keeps_them(call: Session, read: Read, tmp_path: Path) -> None:
+    export_case(EvidenceStore(call.store), "ball", tmp_path / "ball.zip")
+    other = EvidenceStore(tmp_path / "other.db")
+    import_case(other, tmp_path / "ball.zip")
+    again = Read(other)
+    assert again.views == read.views
+    assert again.blocks.joined() == read.blocks.joined()
+    assert again.missing == []
+
+
+def test_results_without_numbers_are_shown_with_a_sentence(call: Session) -> None:
+    store = EvidenceStore(call.store)
+    (record,) = store.evidence.of_case("ball", tool="FindDiscrepancy")
+    whole = store.evidence.get(record.id)
+    payload: dict[str, Any] = {k: v for k, v in whole.payload.items() if k != "record"}
+    case = store.cases.get("ball")
+    older = EvidenceStore(call.store.with_name("older.db"))
+    export_case(store, "ball", call.store.with_name("older.zip"))
+    import_case(older, call.store.with_name("older.zip"))
+    older.evidence.update(type(whole)(**{**vars(whole), "payload": payload}))
+    views, missing = gap_views(older, case, Blocks())
+    assert [v.series == [] for v in views] == [True, False]
+    assert missing == [f"Residuals of {record.id} are not shown: an older version kept pictures of them, not numbers."]
