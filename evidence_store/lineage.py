@@ -126,7 +126,7 @@ class _Walk:
                 rows = database.conn.execute(f"SELECT id, kind, inputs FROM {table} ORDER BY id")
                 for identifier, kind, text in rows:
                     if identifier in used.contents:
-                        self._add(Record(identifier, KINDS[table], kind))
+                        self._add(Record(identifier, KINDS[table], kind, {"inputs": text}))
                         inputs[identifier] = text
         for identifier, text in inputs.items():
             for source in sorted(set(IDENTIFIER.findall(text))):
