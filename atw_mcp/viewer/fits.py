@@ -43,7 +43,7 @@ def fit_views(store: EvidenceStore, case: str, blocks: Blocks, missing: list[str
 
 @dataclass(frozen=True)
 class _Known:
-    """What the records of a fit say beside its result: laws of search by name, and the sample with its names."""
+    """Further records of a fit: which parameters were searched on a logarithmic scale, and the sample by name."""
 
     logarithmic: frozenset[str] = frozenset()
     columns: Mapping[str, NDArray[Any]] = field(default_factory=dict)
