@@ -13,7 +13,9 @@ from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.viewer import document as view
 from atw_mcp.viewer.colors import distinct_colors
 from atw_mcp.viewer.edits import branch_label, edit_words
+from atw_mcp.viewer.fits import fit_views
 from atw_mcp.viewer.gaps import gap_views
+from atw_mcp.viewer.lineage import provenance
 from atw_mcp.viewer.observed import observed_view, tracks_view
 from atw_mcp.viewer.packing import Blocks
 from atw_mcp.viewer.rollouts import rollout_view
@@ -148,7 +150,7 @@ def _document(read: _Records, first: list[str]) -> tuple[view.ViewDocument, Bloc
     shown = view.ViewDocument(
         made_by=f"atw-mcp {installed_version()}",
         case=_case_view(read),
-        missing=read.missing,
+        missing=[],
         film=None,
         observed=None if read.seen is None else observed_view(read.seen[0], read.seen[1], blocks, colors),
         tracks=[_tracks(read, record, blocks) for record in read.tracks],
@@ -178,13 +180,14 @@ def _document(read: _Records, first: list[str]) -> tuple[view.ViewDocument, Bloc
             for (identifier, rollout), most in zip(read.rollouts.items(), budget, strict=True)
         ],
         comparisons=[],
-        fits=[],
+        fits=fit_views(read.store, read.case.id, blocks, read.missing),
         gaps=gaps,
         evidence=[evidence_row(row) for row in read.evidence],
-        provenance=view.Provenance(nodes=[], edges=[]),
+        provenance=provenance(read.store, read.case.id, read.missing),
         running=[],
         shown=[rollout for rollout in first if rollout in read.rollouts],
     )
+    shown.missing = list(dict.fromkeys(read.missing))  # the same damage may be met twice
     return shown, blocks
 
 

@@ -7,6 +7,7 @@ from pathlib import PurePath
 from typing import Any
 
 from atw_mcp.viewer.document import Edge, Node, Provenance
+from atw_mcp.viewer.edits import branch_label, edit_words
 from evidence_store import EvidenceStore
 from evidence_store.lineage import Record, lineage
 
@@ -24,7 +25,6 @@ ORIGINS = {
     "given": "as given",
     "fitted": "as fitted",
     "effect_added": "with an effect",
-    "intervention": "branch",
 }
 FILES = ("video", "data", "file", "path")  # arguments that are paths of this machine: their last part is shown
 ARGUMENT, ARGUMENTS = 80, 400  # characters of a value and of all arguments that are shown
@@ -77,27 +77,20 @@ def _words(record: Record, case: str) -> tuple[str, str]:
 
 
 def _origin(origin: str, detail: dict[str, Any]) -> str:
-    """Name a world by how it was made: its only edit where it is a branch of one."""
-    edits = detail.get("edits", [])
-    if len(edits) == 1 and edits[0].get("action") == "remove":
-        return f"without {edits[0].get('object')}"
+    """Name a world by how it was made."""
+    if "edits" in detail:
+        return branch_label([edit_words(edit) for edit in detail["edits"]])
     return ORIGINS.get(origin, origin.replace("_", " ") or "world")
 
 
 def _made(origin: str, detail: dict[str, Any]) -> str:
     if "edits" in detail:
-        return "edited: " + "; ".join(_edit(edit) for edit in detail["edits"])
+        return "edited: " + ", ".join(edit_words(edit).text for edit in detail["edits"])
     if "proposal" in detail:
         return f"an effect that {detail['proposal']} proposed was added"
     return {"fitted": "fitted to the observed motion", "built": "built from the observations"}.get(
         origin, ORIGINS.get(origin, origin or "an ancestor of the case's worlds")
     )
-
-
-def _edit(edit: dict[str, Any]) -> str:
-    what = " ".join(str(edit[key]) for key in ("action", "object") if key in edit).replace("_", " ", 1)
-    rest = {name: value for name, value in edit.items() if name not in ("action", "object")}
-    return f"{what} ({_short(rest)})" if rest else what
 
 
 def _short(arguments: dict[str, Any]) -> str:

@@ -71,10 +71,10 @@ def test_values_intervals_and_samples_are_those_of_the_store(tmp_path: Path) -> 
     assert (first.evidence, first.source_world, first.world) == ("ev-1", "world-a", "world-b")
     found = by_name(first)
     assert found["ball.friction"].interval95 is not None
-    assert_allclose(found["ball.friction"].interval95, norm(0.2, 0.01).interval(0.95), rtol=1e-6)
+    assert_allclose(np.array(found["ball.friction"].interval95, float), norm(0.2, 0.01).interval(0.95), rtol=1e-6)
     assert found["ball.mass"].logarithmic
     assert found["ball.mass"].interval95 is not None
-    assert_allclose(found["ball.mass"].interval95, lognorm(0.2).interval(0.95), rtol=1e-6)
+    assert_allclose(np.array(found["ball.mass"].interval95, float), lognorm(0.2).interval(0.95), rtol=1e-6)
     assert found["ball.restitution"].interval95 is not None
     assert found["ball.restitution"].interval95[1] == 1.0  # nothing beyond its bounds was searched
     assert found["ball.restitution"].at_bound
