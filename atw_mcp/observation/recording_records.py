@@ -86,7 +86,7 @@ def case_recording(app: App, case: Case, world: World) -> CaseRecording:
     known = [identifier for _, identifier in app.store.cases.observations(case.id, KIND)]
     if known:
         document = app.store.observations.get(known[0]).document
-        recording = _known_objects(_recording(document), world)
+        recording = _known_objects(recording_of(document), world)
         return CaseRecording(known[0], hold_out(recording, document["sealed"]))
     record = read_record(app.store, case, app.store.cases.modelled_observation(case.id, world.id))
     if record is None:
@@ -158,7 +158,8 @@ def _plain(recording: Recording) -> dict[str, Any]:
     }
 
 
-def _recording(document: dict[str, Any]) -> Recording:
+def recording_of(document: dict[str, Any]) -> Recording:
+    """The recording in an observation of kind `recording`."""
     return Recording(
         tuple(
             Run(

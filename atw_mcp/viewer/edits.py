@@ -7,7 +7,7 @@ from typing import Any
 
 from atw_mcp.viewer.document import EditWords
 
-MOST = 3  # edits that a label names
+MOST = 4  # edits, or objects, that a label names
 PARTS = ("object", "deformable", "static", "joint", "attachment", "pulley", "emitter", "drain", "container")
 
 
@@ -50,10 +50,26 @@ def edit_words(edit: Mapping[str, Any]) -> EditWords:
 
 
 def branch_label(edits: Sequence[EditWords]) -> str:
-    """Return a branch's edits as a title."""
-    named = [edit.text for edit in edits[:MOST]]
-    more = len(edits) - len(named)
-    return ", ".join(named) + (f" and {more} more" if more > 0 else "")
+    """Return a branch's edits as a title: those of one kind together, starts of objects last."""
+    gone = [edit.object for edit in edits if edit.action == "remove" and edit.object]
+    moved = [edit.object for edit in edits if edit.action == "move" and edit.object]
+    thrown = [edit.object for edit in edits if edit.action in ("set_velocity", "scale_velocity") and edit.object]
+    others = [edit.text for edit in edits if edit.object not in (*gone, *moved, *thrown) or edit.object is None]
+    if len(edits) == 1:
+        return edits[0].text
+    parts = [f"without {_named(gone)}"] if gone else []
+    parts += others[:MOST] + ([f"{len(others) - MOST} more edits"] if len(others) > MOST else [])
+    if moved and set(moved) == set(thrown):
+        return "; ".join([*parts, f"{_named(moved)} with another start"])
+    parts += [f"{_named(moved)} moved"] if moved else []
+    return "; ".join(parts + ([f"{_named(thrown)} with another velocity"] if thrown else []))
+
+
+def _named(objects: Sequence[str]) -> str:
+    names = list(dict.fromkeys(objects))
+    return (
+        ", ".join(names) if len(names) <= MOST else f"{', '.join(names[: MOST - 1])} and {len(names) - MOST + 1} more"
+    )
 
 
 def _surroundings(edit: Mapping[str, Any]) -> str:

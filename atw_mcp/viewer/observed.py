@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.observation.track_records import TrackRecord, at_rate
 from atw_mcp.perception.observation import ImageObservation, ObservedObject
 from atw_mcp.viewer import document as view
 from atw_mcp.viewer.packing import Blocks
+from polyworld.data.recording import Run
+from polyworld.data.tracks import ObservedTracks
 
 SIMPLEST = 1.0 / 960.0  # of the image's width: half a pixel where a video is shown 480 wide
 
@@ -22,6 +23,7 @@ def observed_view(
         id=identifier,
         frames=blocks.integers(observation.frames),
         objects=[_outlined(seen, observation, blocks, colors[seen.name]) for seen in observation.objects],
+        camera_motion=None if observation.camera_motion is None else blocks.floats(observation.camera_motion),
     )
 
 
@@ -54,18 +56,29 @@ def outlines(mask: NDArray[np.bool_], tolerance: float) -> list[NDArray[np.int32
     return [np.asarray(cv2.approxPolyDP(c, tolerance, True)[:, 0], dtype=np.int32) for c in found]
 
 
-def tracks_view(
-    record: TrackRecord, blocks: Blocks, *, seconds_per_frame: float | None, held_out_from: float | None
-) -> view.Tracks:
-    """Return measured positions; seconds_per_frame: of the worlds that model them, None where none does."""
-    tracks = record.tracks if seconds_per_frame is None else at_rate(record.tracks, seconds_per_frame)
+def tracks_view(identifier: str, tracks: ObservedTracks, blocks: Blocks, *, held_out_from: float | None) -> view.Tracks:
+    """Return measured positions, in the time base of the worlds that model them; held_out_from [s]: of a fit."""
     known = tracks.confidence > 0
     return view.Tracks(
-        id=record.id,
+        id=identifier,
         run="",
         names=list(tracks.names),
         times=blocks.floats(tracks.times),
         positions=blocks.floats(np.where(known[..., None], tracks.positions, np.nan)),
         sigma=blocks.floats(np.where(known, tracks.coordinate_sigma, np.nan)),
         held_out_from=held_out_from,
+    )
+
+
+def run_view(identifier: str, run: Run, blocks: Blocks) -> view.Tracks:
+    """Return the measured positions of one run of a recording, on the clock that begins when the run does."""
+    sigma = np.full(run.positions.shape[:2], np.nan if run.sigma is None else run.sigma)
+    return view.Tracks(
+        id=identifier,
+        run=run.name,
+        names=list(run.names),
+        times=blocks.floats(run.times - run.origin),
+        positions=blocks.floats(run.positions),
+        sigma=blocks.floats(np.where(np.isfinite(run.positions).all(axis=-1), sigma, np.nan)),
+        held_out_from=None,
     )

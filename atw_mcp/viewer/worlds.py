@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from atw_mcp.viewer import document as view
 from atw_mcp.viewer.colors import hex_color
+from atw_mcp.viewer.effects import effect_marks
 from atw_mcp.viewer.packing import Blocks
 from atw_mcp.viewer.shapes import shape_view
 from atw_mcp.worlds.marks import held_nodes
-from polyworld.expressions.effect import law_of
 from polyworld.model import mesh_of
 from polyworld.pictures.rigid_pictures import STATIC_COLOR
 from polyworld.probing.readouts.rope_line import rope_line
 from polyworld.solver.energy_sources import points_masses
 from polyworld.trajectory import PointMotion, Trajectory
-from polyworld.world import Deformable, Effect, World, geometry
+from polyworld.world import Deformable, World, geometry
 from polyworld.world.colors import display_color
 from polyworld.world.materials import Form, material_of
 from polyworld.world.parameter_tables import STATE_PARAMETERS
@@ -31,14 +32,15 @@ KINDS: dict[Form, view.MovingKind] = {"line": "rope", "sheet": "cloth", "solid":
 def world_view(
     world: World,
     blocks: Blocks,
-    colors: dict[str, str],
+    colors: Mapping[str, str],
     *,
     label: str,
     origin: str,
     parent: str | None,
     committed: bool,
+    runs: Sequence[Trajectory] = (),
 ) -> view.WorldView:
-    """Return a world; colors: of its moving objects, by name."""
+    """Return a world; colors: of its moving objects, by name; runs: of it, whose objects say where fields are shown."""
     camera = world.camera
     return view.WorldView(
         id=world.id,
@@ -80,7 +82,7 @@ def world_view(
         ],
         joints=_joints(world),
         regions=_regions(world),
-        effects=[effect_mark(effect) for effect in world.effects],
+        effects=effect_marks(world, runs, blocks),
         floor=_floor(world),
         parameters=_parameters(world),
     )
@@ -208,23 +210,6 @@ def _regions(world: World) -> list[view.Region]:
         for c in world.containers
     ]
     return boxes + carried
-
-
-def effect_mark(effect: Effect) -> view.EffectMark:
-    """Return an effect with its law and its values, without its field."""
-    law = law_of(effect)
-    return view.EffectMark(
-        name=effect.name,
-        kind=effect.kind,
-        law=law.summary,
-        enabled=effect.enabled,
-        objects=None if effect.objects is None else list(effect.objects),
-        parameters=[
-            view.Value(name=name, value=effect.parameters.get(name, spec.default), unit=spec.unit)
-            for name, spec in law.parameters.items()
-        ],
-        field=None,
-    )
 
 
 def _floor(world: World) -> view.Plane | None:

@@ -71,10 +71,10 @@ def balance(world: World, motion: Trajectory, masses: Array, *, exact: bool = Tr
     masses (n,): of the objects. exact: False for energies of spin about the axis of largest inertia, but of what there
     was at the start: bounds from the safe side.
     """
-    kinetic, weight = _energies(world, motion, masses, exact=exact)
+    kinetic, weight = energies(world, motion, masses, exact=exact)
     lost = weight[0].sum() - weight.sum(axis=1)
     there = stored_energy(world) + work(world, motion, masses)
-    there = there + (kinetic[0] if exact else _energies(world, motion, masses, exact=True, samples=1)[0][0]).sum()
+    there = there + (kinetic[0] if exact else energies(world, motion, masses, samples=1)[0][0]).sum()
     available = there + np.maximum.accumulate(np.maximum(np.nan_to_num(lost), 0.0))
     return kinetic, kinetic.sum(axis=1) - lost - there, available
 
@@ -117,10 +117,13 @@ def watch(
     return marked, tuple(reasons)
 
 
-def _energies(
-    world: World, motion: Trajectory, masses: Array, *, exact: bool, samples: int | None = None
+def energies(
+    world: World, motion: Trajectory, masses: Array, *, exact: bool = True, samples: int | None = None
 ) -> tuple[Array, Array]:
-    """Kinetic energy and energy of weight (T, n) of all objects [J]; what has not joined counts as at its start."""
+    """Kinetic energy and energy of weight (T, n) of all objects [J]; what has not joined counts as at its start.
+
+    masses (n,): of the objects. exact, samples: see `balance`; how many samples from the first, default all.
+    """
     gravity = np.asarray(world.environment.gravity, dtype=float)
     kinetic = np.zeros((len(motion.times[:samples]), len(motion.names)))
     weight = np.zeros_like(kinetic)

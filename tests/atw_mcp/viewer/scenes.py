@@ -317,7 +317,8 @@ def scene_document(title: str, scene: Scene) -> tuple[view.ViewDocument, Blocks]
     blocks = Blocks()
     looks = {o.name: o.appearance.color for world in worlds for o in (*world.objects, *world.deformables)}
     colors = distinct_colors(looks)
-    budget = shares([len(r.trajectory.times) * numbers_per_sample(r.trajectory) for r in results])
+    runs = [result.trajectory for result in results]
+    budget = shares([len(run.times) * numbers_per_sample(w, run) for w, run in zip(worlds, runs, strict=True)])
     labels = ["as described", branch_label(words)]
     ids = ["rollout-base", "rollout-branch"]
     return view.ViewDocument(
@@ -338,8 +339,9 @@ def scene_document(title: str, scene: Scene) -> tuple[view.ViewDocument, Blocks]
                 origin="intervention" if k else "given",
                 parent=scene.world.id if k else None,
                 committed=not k,
+                runs=[run],
             )
-            for k, (world, label) in enumerate(zip(worlds, labels, strict=False))
+            for k, (world, label, run) in enumerate(zip(worlds, labels, runs, strict=False))
         ],
         rollouts=[
             _shown(ids[k], world, result, blocks, labels[k], ids[0] if k else None, words if k else [], most)
