@@ -13,7 +13,7 @@ import numpy as np
 
 from atw_mcp.cases.cases import content_hash
 from atw_mcp.perception.video import Coding, Frames, VideoError, coding, each_frame, existing_file
-from atw_mcp.viewer.document import Film
+from atw_mcp.viewer.document import Film, ViewDocument
 from atw_mcp.viewer.packing import Blocks
 from evidence_store import Case
 
@@ -29,6 +29,29 @@ WEBM_CODECS = {"VP80", "VP90", "vp09", "AV01", "av01"}
 PLAIN_PIXELS = "I420"  # 4:2:0, 8 bits: what decoders of every browser take
 EBML = b"\x1a\x45\xdf\xa3"
 MATROSKA, WEBM = b"B\x82\x88matroska", b"B\x82\x88webm\0\0\0\0"  # the element that names the kind of file
+
+
+def with_film(document: ViewDocument, blocks: Blocks, case: Case, path: Path) -> ViewDocument:
+    """Return a document with the film of the case's video, or with a sentence in `missing` that says why it has none.
+
+    path: where the file is now. A case without a video is returned as it is.
+    """
+    if case.kind != "video" or not case.path:
+        return document
+    shown, why = film(case, path, blocks, _covered(document, blocks))
+    missing = [*document.missing, why] if why else document.missing
+    return document.model_copy(update={"film": shown, "missing": missing})
+
+
+def _covered(document: ViewDocument, blocks: Blocks) -> int:
+    """How many frames of the video, from the first, the worlds model, rollouts reach, or were looked at."""
+    steps = {world.id: world.seconds_per_frame for world in document.worlds}
+    counts = [world.frame_count for world in document.worlds]
+    counts += [int(np.ceil(r.horizon / steps[r.world])) + 1 for r in document.rollouts if r.world in steps]
+    if document.observed is not None and document.observed.frames.shape[0]:
+        looked_at = document.observed.frames
+        counts.append(int(np.frombuffer(blocks.joined(), "<i4", looked_at.shape[0], looked_at.offset)[-1]) + 1)
+    return max(counts, default=0)
 
 
 def film(case: Case, path: Path, blocks: Blocks, covered: int = 0) -> tuple[Film | None, str]:
