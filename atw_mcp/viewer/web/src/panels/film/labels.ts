@@ -21,7 +21,9 @@ import { Pinhole, type Motion } from "./pinhole";
 import { trace, type Loop } from "./trace";
 
 /** Longest side of the picture of labels [px]: an outline is good to half of one of its pixels. */
-const LONGEST = 1024;
+const LONGEST = 800;
+/** Times whose outlines are kept: a loop over a video is then drawn without tracing it again. */
+export const KEPT = 600;
 /** Labels are bytes; 0 is everything that does not move. */
 const MOST = 255;
 
@@ -53,13 +55,13 @@ export class Labeller {
     this.pixels = new Uint8Array(4 * this.width * this.height);
   }
 
-  /** Labels (height, width), rows from the top. */
-  draw(scene: Scene, camera: Camera): Uint8Array {
+  /** Labels (height, width), rows from the top; read without holding up the page. */
+  async draw(scene: Scene, camera: Camera): Promise<Uint8Array> {
     this.renderer.setRenderTarget(this.target);
     this.renderer.setClearColor(0x000000, 0);
     this.renderer.clear();
     this.renderer.render(scene, camera);
-    this.renderer.readRenderTargetPixels(this.target, 0, 0, this.width, this.height, this.pixels);
+    await this.renderer.readRenderTargetPixelsAsync(this.target, 0, 0, this.width, this.height, this.pixels);
     const labels = new Uint8Array(this.width * this.height);
     for (let y = 0; y < this.height; y++) {
       const from = 4 * (this.height - 1 - y) * this.width;
@@ -88,8 +90,7 @@ export class SimulatedOutlines {
   private readonly camera = new Camera();
   private readonly names: string[] = [];
   private readonly farthest: number;
-  private labels: Uint8Array | null = null;
-  private last: { t: number; motion: Motion | undefined; seen: SeenObject[] } | null = null;
+  private readonly known = new Map<number, SeenObject[]>();
 
   constructor(
     private readonly labeller: Labeller,
@@ -114,25 +115,22 @@ export class SimulatedOutlines {
     }
   }
 
-  /** What is seen at `t` [s]; motion: how the camera has moved since the first frame. */
-  at(t: number, motion?: Motion): SeenObject[] {
-    if (this.last && this.last.t === t && this.last.motion === motion) return this.last.seen;
-    this.meshes.setTime(t);
-    new Pinhole(this.world.camera!, motion).aim(this.camera, this.farthest);
-    this.labels = this.labeller.draw(this.scene, this.camera);
-    const seen = [...trace(this.labels, this.labeller.width, this.labeller.height)].map(([label, loops]) =>
-      drawn(this.names[label] ?? "", loops, this.labeller.scale),
-    );
-    this.last = { t, motion, seen };
-    return seen;
+  /** What is seen at `t` [s], where that was made. */
+  at(t: number): SeenObject[] | null {
+    return this.known.get(t) ?? null;
   }
 
-  /** Name of the object seen last at a pixel of the frame. */
-  nameAt(u: number, v: number): string | null {
-    const x = Math.round((u + 0.5) * this.labeller.scale - 0.5);
-    const y = Math.round((v + 0.5) * this.labeller.scale - 0.5);
-    if (!this.labels || x < 0 || y < 0 || x >= this.labeller.width || y >= this.labeller.height) return null;
-    return this.names[this.labels[y * this.labeller.width + x]!] ?? null;
+  /** Make what is seen at `t`, once; motion: how the camera has moved by then since the first frame. */
+  async make(t: number, motion?: Motion): Promise<void> {
+    if (this.known.has(t)) return;
+    this.meshes.setTime(t);
+    new Pinhole(this.world.camera!, motion).aim(this.camera, this.farthest);
+    const labels = await this.labeller.draw(this.scene, this.camera);
+    const seen = [...trace(labels, this.labeller.width, this.labeller.height)].map(([label, loops]) =>
+      drawn(this.names[label] ?? "", loops, this.labeller.scale),
+    );
+    if (this.known.size >= KEPT) this.known.clear();
+    this.known.set(t, seen);
   }
 
   dispose(): void {

@@ -1,8 +1,9 @@
 // The film with what is drawn over it: follows the signals of the page and draws when one of them changes.
-import { computed, effect, signal } from "@preact/signals";
+import { computed, effect, signal, untracked } from "@preact/signals";
 import type { RolloutView, WorldView } from "../../document";
 import { words } from "../../format";
 import {
+  duration,
   frame,
   object,
   other,
@@ -10,13 +11,12 @@ import {
   playing,
   rollout,
   speed,
-  time,
   world,
 } from "../../state";
 import type { Opened } from "../../unpack";
 import { COMPARED, DASHES, OBSERVED, SHOWN, Sheet, type Ink } from "./drawing";
 import { FrameTimes } from "./frame_times";
-import { Labeller, SimulatedOutlines, type SeenObject } from "./labels";
+import { KEPT, Labeller, SimulatedOutlines, type SeenObject } from "./labels";
 import { Outlines, type Outline } from "./outlines";
 import { Paths } from "./paths";
 import { Pinhole, type Motion } from "./pinhole";
@@ -70,12 +70,15 @@ export class Stage {
 
   /** Frames of the film, or those that were observed where there is no film. */
   private readonly count: number;
-  /** The frame shown: of the film while it runs within it, else the one nearest to the clock; null beyond the video. */
-  private readonly frame = computed(() => {
-    const at = Math.round(frame.value);
-    if (at > this.count - 1) return null;
-    return this.player.value?.frame.value ?? at;
+  /** The frame shown: the one on screen while there is one, else the one nearest to the clock, also beyond the video. */
+  private readonly place = computed(() => {
+    const nearest = Math.round(frame.value);
+    return nearest > this.count - 1 ? nearest : (this.player.value?.frame.value ?? nearest);
   });
+  /** Counts outlines of the world that came in after they were asked for. */
+  private readonly arrived = signal(0);
+  private making = false;
+  private gone = false;
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
@@ -103,6 +106,7 @@ export class Stage {
   }
 
   dispose(): void {
+    this.gone = true;
     for (const end of this.ended) end();
     this.player.peek()?.dispose();
     for (const run of this.runs) run.outlines?.dispose();
@@ -161,17 +165,20 @@ export class Stage {
     const context = this.canvas.getContext("2d");
     const { width, ratio } = this.screen.value;
     if (!context || width === 0) return;
-    const shown = this.frame.value;
-    const t = shown === null ? time.value : shown * this.step();
+    const place = this.place.value;
+    const shown = place < this.count ? place : null;
+    const t = place * this.step();
+    void this.arrived.value;
     const sheet = new Sheet(context, width / this.size.width, this.size.width, this.size.height);
     sheet.clear(ratio);
     if (shown === null) sheet.dim();
     const missing: string[] = [];
     this.seen = {
       outlines: observedLayer.on.value ? this.observedAt(shown, missing) : [],
-      simulated: this.simulatedAt(t, this.motion(shown), missing),
+      simulated: this.simulatedAt(t, missing),
     };
-    this.paint(sheet, t, this.motion(shown));
+    this.paint(sheet, t, this.motion(place));
+    void this.makeAhead();
     const next: Drawn = {
       frame: shown,
       time: t,
@@ -189,7 +196,7 @@ export class Stage {
   }
 
   /** Outlines of the rollouts shown; paths and names need them prepared as well. */
-  private simulatedAt(t: number, motion: Motion | undefined, missing: string[]): [Run, SeenObject[]][] {
+  private simulatedAt(t: number, missing: string[]): [Run, SeenObject[]][] {
     const wanted: [RolloutView | null, WorldView | null, Ink][] = [
       [rollout.value, world.value, { color: SHOWN, dash: DASHES.shown, width: 2 }],
       [other.value, otherWorld.value, { color: COMPARED, dash: DASHES.compared, width: 2 }],
@@ -204,7 +211,32 @@ export class Stage {
     this.runs = runs;
     if (!worldLayer.on.value) return runs.map((run) => [run, []]);
     if (this.noLabels) missing.push(this.noLabels);
-    return runs.map((run) => [run, run.outlines?.at(t, motion) ?? []]);
+    return runs.map((run) => [run, run.outlines?.at(t) ?? []]);
+  }
+
+  /** Make outlines of the world that are missing, one after another: of the frame shown, then of those that follow. */
+  private async makeAhead(): Promise<void> {
+    if (this.making) return;
+    this.making = true;
+    for (let next = this.nextMissing(); next && !this.gone; next = this.nextMissing()) {
+      const { run, place } = next;
+      await run.outlines!.make(place * this.step(), this.motion(place));
+      if (place === this.place.peek()) this.arrived.value++;
+    }
+    this.making = false;
+  }
+
+  private nextMissing(): { run: Run; place: number } | null {
+    if (!worldLayer.on.peek()) return null;
+    const from = this.place.peek();
+    const step = untracked(() => this.step());
+    const count = Math.min(KEPT - 1, Math.round(duration.peek() / step) + 1);
+    for (let ahead = 0; ahead < count; ahead++) {
+      const place = (from + ahead) % Math.max(count, from + 1);
+      const run = this.runs.find((r) => r.outlines && !r.outlines.at(place * step));
+      if (run) return { run, place };
+    }
+    return null;
   }
 
   private run(view: RolloutView, its: WorldView, ink: Ink): Run {
@@ -262,10 +294,10 @@ export class Stage {
   }
 
   /** How the camera has moved by a frame: as in the last one before it that was looked at. */
-  private motion(shown: number | null): Motion | undefined {
+  private motion(place: number): Motion | undefined {
     const observed = this.opened.document.observed;
     if (!observed?.camera_motion || !this.outlines) return undefined;
-    const at = shown ?? this.count - 1;
+    const at = Math.min(place, this.count - 1);
     const frames = this.opened.numbers(observed.frames);
     let row = this.outlines.row(at);
     if (row === undefined) row = Math.max(0, frames.findLastIndex((f: number) => f <= at));
