@@ -1,6 +1,7 @@
 // Keys of the whole page; the help dialog lists this table.
 import { signal } from "@preact/signals";
 import { stepEvent } from "./events";
+import { LAYERS } from "./panels/film/shown";
 import {
   compared,
   duration,
@@ -47,6 +48,12 @@ export const BINDINGS: Binding[] = [
   { key: "o", shown: "O", does: "View that orbits", run: () => look("orbit") },
   { key: "p", shown: "P", does: "View from above (plan)", run: () => look("plan") },
   { key: "f", shown: "F", does: "Follow the chosen object, or stop", run: () => follow(object.value) },
+  ...LAYERS.map(({ key, does, on }) => ({
+    key,
+    shown: key.toUpperCase(),
+    does: `${does}: show or hide`,
+    run: () => void (on.value = !on.value),
+  })),
   { key: "?", shown: "?", does: "This list of keys", run: () => (helpOpen.value = true) },
 ];
 

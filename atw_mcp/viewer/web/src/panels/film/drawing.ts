@@ -3,9 +3,9 @@
 const DARK = "rgba(12, 12, 12, 0.78)";
 export const OBSERVED = "#ffffff";
 export const SHOWN = "#ff4dff";
-export const COMPARED = "#f0e442";
+export const COMPARED = "#ff9a4d";
 /** Lengths of strokes and gaps [px of the screen]; none: a solid line. */
-export const DASHES = { observed: [5, 4], shown: [], compared: [10, 3, 2, 3] } as const;
+export const DASHES = { observed: [5, 4], shown: [], compared: [9, 5] } as const;
 
 export interface Ink {
   color: string;

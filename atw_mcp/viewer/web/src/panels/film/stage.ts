@@ -1,5 +1,5 @@
 // The film with what is drawn over it: follows the signals of the page and draws when one of them changes.
-import { computed, effect, signal, untracked } from "@preact/signals";
+import { computed, effect, signal } from "@preact/signals";
 import type { RolloutView, WorldView } from "../../document";
 import { words } from "../../format";
 import {
@@ -10,6 +10,7 @@ import {
   otherWorld,
   playing,
   rollout,
+  secondsPerFrame,
   speed,
   world,
 } from "../../state";
@@ -152,13 +153,8 @@ export class Stage {
 
   /** Keep the video in step with the clock. */
   private lead(): void {
-    const step = this.step();
+    const step = secondsPerFrame.value;
     this.player.value?.follow(frame.value, playing.value ? speed.value / step : 0);
-  }
-
-  /** Time between frames [s]. */
-  private step(): number {
-    return world.value?.seconds_per_frame ?? this.opened.document.worlds.at(-1)?.seconds_per_frame ?? 0.04;
   }
 
   private draw(): void {
@@ -167,7 +163,7 @@ export class Stage {
     if (!context || width === 0) return;
     const place = this.place.value;
     const shown = place < this.count ? place : null;
-    const t = place * this.step();
+    const t = place * secondsPerFrame.value;
     void this.arrived.value;
     const sheet = new Sheet(context, width / this.size.width, this.size.width, this.size.height);
     sheet.clear(ratio);
@@ -220,7 +216,7 @@ export class Stage {
     this.making = true;
     for (let next = this.nextMissing(); next && !this.gone; next = this.nextMissing()) {
       const { run, place } = next;
-      await run.outlines!.make(place * this.step(), this.motion(place));
+      await run.outlines!.make(place * secondsPerFrame.peek(), this.motion(place));
       if (place === this.place.peek()) this.arrived.value++;
     }
     this.making = false;
@@ -229,7 +225,7 @@ export class Stage {
   private nextMissing(): { run: Run; place: number } | null {
     if (!worldLayer.on.peek()) return null;
     const from = this.place.peek();
-    const step = untracked(() => this.step());
+    const step = secondsPerFrame.peek();
     const count = Math.min(KEPT - 1, Math.round(duration.peek() / step) + 1);
     for (let ahead = 0; ahead < count; ahead++) {
       const place = (from + ahead) % Math.max(count, from + 1);
