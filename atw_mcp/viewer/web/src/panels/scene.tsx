@@ -7,7 +7,7 @@ import { palette } from "../scene/palette";
 import { Stage, type Statistics } from "../scene/stage";
 import { videoFrame } from "../scene/eyes";
 import { roundLength } from "../scene/floor";
-import type { EffectKey } from "../scene/pushes";
+import { CUT, type EffectKey, type Scale } from "../scene/pushes";
 import type { Shown } from "../scene/view";
 import { eye, followed, layout, object, opened, other, otherWorld, rollout, time, world, type Eye } from "../state";
 import "./scene.css";
@@ -125,6 +125,9 @@ export function Scene() {
               {windows.length === 1 && <span class="branch">ghost: {other.value!.label}</span>}
             </p>
           ))}
+        {windows.length > 1 && (
+          <div class="divider" style={{ left: `${windows[1]!.x}px`, top: `${windows[1]!.y}px`, width: windows[1]!.x ? 0 : "100%", height: windows[1]!.x ? "100%" : 0 }} />
+        )}
         {axes && <Axes {...axes} />}
         {bar && (
           <p class="scale" data-pixels={bar.pixels}>
@@ -133,16 +136,21 @@ export function Scene() {
           </p>
         )}
         <div class="legend">
-          {keys.map((k) => (
-            <p key={k.name} data-effect={k.name} data-longest={k.longest?.value} data-field={k.field?.value}>
-              <i class="arrow" style={{ color: k.color }} />
-              <b>{words(k.name)}</b>
-              {k.enabled ? "" : " (disabled)"}
-              {k.longest && <span> longest arrow {quantity(k.longest.value, k.longest.unit, 3)}</span>}
-              {k.field && <span> field up to {quantity(k.field.value, k.field.unit, 3)}</span>}
-              {!k.longest && !k.field && <span> no arrows: it pushes nothing here</span>}
-            </p>
-          ))}
+          {keys.flatMap((k) => [
+            (k.arrows || !k.field) && (
+              <p key={k.name} data-effect={k.name} data-full={k.arrows?.full}>
+                <b>{words(k.name)}</b>
+                {k.enabled ? "" : " (disabled)"} {k.arrows ? scaleText(k.arrows) : "pushes no object"}
+                {k.arrows && <i class="arrow" style={{ color: k.color }} />}
+              </p>
+            ),
+            k.field && (
+              <p key={`${k.name} field`} data-effect={k.name} data-field-full={k.field.full}>
+                <b>{words(k.name)}</b> in space {scaleText(k.field)}
+                <i class="arrow pale" style={{ color: k.color }} />
+              </p>
+            ),
+          ])}
           {grid && <p class="grid">{grid}</p>}
           {missing.map((m) => (
             <p key={m} class="missing">
@@ -158,6 +166,12 @@ export function Scene() {
       </div>
     </section>
   );
+}
+
+/** What the arrow beside it stands for, and that stronger ones are cut off. */
+function scaleText({ full, most, unit }: Scale): string {
+  const cut = most > 1.001 * CUT * full ? `, stronger cut off (most ${quantity(most, unit, 3)})` : "";
+  return `${quantity(full, unit, 3)}${cut}`;
 }
 
 /** Put a canvas into `host` and keep it in step with the page; returns what ends that. */
@@ -190,7 +204,7 @@ function start(host: HTMLElement, labels: HTMLElement): () => void {
       );
       const missing = [...new Set(made.views.flatMap((v) => v.missing))];
       const first = made.views[0];
-      const grid = first ? `grid ${quantity(first.cell, "m", 2)} ${first.gridNote}` : "";
+      const grid = first ? `grid ${quantity(first.cell, "m", 1)} ${first.gridNote}` : "";
       notes.value = { keys: made.views.flatMap((v) => v.keys).filter((k, i, all) => all.findIndex((o) => o.name === k.name) === i), missing, grid };
     }),
     effect(() => made.setTime(time.value)),

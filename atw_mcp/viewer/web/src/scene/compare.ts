@@ -69,7 +69,7 @@ export class Ghost {
     const removed = lacking.rollout.edits.length > 0 && having.rollout.edits.length === 0;
     const added = having.rollout.edits.length > 0 && lacking.rollout.edits.length === 0;
     const text = removed ? `− ${words(name)} removed` : added ? `+ ${words(name)} added` : `${words(name)} only in ${having.rollout.label}`;
-    return { key: `${name}!`, text, at, color, kind: removed ? "gone" : "new" };
+    return { key: `${name}!`, object: name, text, at, above: 0.05 * this.size, color, kind: removed ? "gone" : "new" };
   }
 
   dispose(): void {

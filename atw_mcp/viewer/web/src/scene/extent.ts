@@ -1,82 +1,129 @@
 // How much space a motion takes.
 import { Box3, Quaternion, Vector3 } from "three";
-import type { RolloutView, WorldView } from "../document";
+import type { RolloutView, Static, WorldView } from "../document";
 import type { Opened } from "../unpack";
 import { boundingRadius } from "./shapes";
 
 /** Samples and points looked at: enough for a view, without walking through every particle of a fluid. */
 const SAMPLES = 60;
 const POINTS = 400;
+/** The part of all places, at either end of an axis, that is left out of the view: objects on their way out. */
+const TAIL = 0.04;
+/** An object that gets so many times farther than all others that move has left, and does not set the scale. */
+const LEFT = 4;
 
 /**
- * The box that all moving objects stay in [m], with fixed solids that are no larger than a few times that; a cube of
- * 1 m where there is nothing.
+ * The box that all moving objects stay in [m], with marks and regions, and of fixed solids what is near; a cube of 1 m
+ * where there is nothing.
  */
 export function extentOf(opened: Opened, world: WorldView, rollout: RolloutView | null): Box3 {
-  const box = new Box3();
+  const box = rollout ? motion(opened, world, rollout) : new Box3();
   const point = new Vector3();
-  const turn = new Quaternion();
-  if (rollout) {
-    const times = opened.floats(rollout.times).length;
-    const columns = rollout.names.length;
-    const positions = opened.floats(rollout.positions);
-    const active = opened.numbers(rollout.active);
-    const radii = rollout.names.map((name) => {
-      const shape = world.moving.find((m) => m.name === name)?.shape;
-      return shape ? boundingRadius(opened, shape) : 0;
-    });
-    const step = Math.max(1, Math.floor(times / SAMPLES));
-    const grow = (x: number, y: number, z: number, r: number) => {
-      if (!Number.isFinite(x + y + z)) return;
-      box.expandByPoint(point.set(x - r, y - r, z - r)).expandByPoint(point.set(x + r, y + r, z + r));
-    };
-    const kinds = rollout.names.map((name) => world.moving.find((m) => m.name === name)?.kind ?? "rigid");
-    for (let i = 0; i < times; i += step) {
-      for (let j = 0; j < columns; j++) {
-        if (!active[i * columns + j] || kinds[j] !== "rigid") continue;
-        const at = 3 * (i * columns + j);
-        grow(positions[at]!, positions[at + 1]!, positions[at + 2]!, radii[j]!);
-      }
-      for (const deformed of rollout.deformed) {
-        const count = deformed.points.shape[1] ?? 0;
-        const points = opened.floats(deformed.points);
-        const radius = world.moving.find((m) => m.name === deformed.name)?.radius ?? 0;
-        const stride = Math.max(1, Math.floor(count / POINTS));
-        for (let k = 0; k < count; k += stride) {
-          const at = 3 * (i * count + k);
-          grow(points[at]!, points[at + 1]!, points[at + 2]!, radius);
-        }
-      }
-    }
-  }
-  const limit = box.isEmpty() ? Infinity : 3 * Math.max(box.getSize(point).length(), 1e-3);
-  for (const fixed of world.statics) {
-    const r = boundingRadius(opened, fixed.shape);
-    if (r === 0 || r > limit) continue;
-    const at = new Vector3(...(fixed.position as [number, number, number]));
-    const shape = fixed.shape;
-    // a box is mostly a wall or a table: its own corners, as its ball would be much larger
-    if (shape.kind === "box") {
-      const [w, x, y, z] = fixed.orientation as [number, number, number, number];
-      for (let corner = 0; corner < 8; corner++) {
-        point.fromArray(shape.half_extents.map((h, k) => (corner & (1 << k) ? h : -h)));
-        box.expandByPoint(point.applyQuaternion(turn.set(x, y, z, w)).add(at));
-      }
-    } else {
-      box.expandByPoint(point.copy(at).addScalar(r)).expandByPoint(point.copy(at).addScalar(-r));
-    }
-  }
-  for (const region of world.regions) {
-    const lower = new Vector3(...(region.lower as [number, number, number]));
-    const upper = new Vector3(...(region.upper as [number, number, number]));
-    if (lower.distanceTo(upper) > limit) continue;
-    box.expandByPoint(lower).expandByPoint(upper);
-  }
+  const marks = new Box3();
+  for (const region of world.regions) marks.expandByPoint(point.fromArray(region.lower)).expandByPoint(point.fromArray(region.upper));
   for (const joint of world.joints) {
-    for (const anchor of [joint.anchor, joint.other_anchor]) {
-      if (anchor) box.expandByPoint(point.fromArray(anchor));
-    }
+    for (const anchor of [joint.anchor, joint.other_anchor]) if (anchor) marks.expandByPoint(point.fromArray(anchor));
+  }
+  box.union(marks);
+  const near = box.clone().expandByScalar(0.35 * box.getSize(point).length());
+  for (const fixed of world.statics) {
+    const solid = staticBox(opened, fixed);
+    if (!solid.isEmpty()) box.union(near.isEmpty() ? solid : solid.intersect(near));
   }
   if (box.isEmpty()) box.set(new Vector3(-0.5, -0.5, 0), new Vector3(0.5, 0.5, 1));
+  return box;
+}
+
+/** The box of all moving objects, without the far part of the paths of those that have left. */
+function motion(opened: Opened, world: WorldView, rollout: RolloutView): Box3 {
+  const moving: Box3[] = [];
+  const whole = new Box3();
+  const middles: Vector3[] = [];
+  for (const name of rollout.names) {
+    const { path, first, moves } = pathOf(opened, world, rollout, name, middles);
+    if (path.isEmpty()) continue;
+    whole.union(first);
+    if (moves) moving.push(path);
+  }
+  const size = new Vector3();
+  const usual = usually(middles);
+  usual.expandByScalar(0.15 * usual.getSize(size).length());
+  moving.forEach((path, i) => {
+    const others = moving.reduce((all, p, j) => (j === i ? all : all.union(p)), new Box3());
+    const reach = others.isEmpty() ? Infinity : LEFT * others.getSize(size).length();
+    if (path.getSize(size).length() > reach) path.intersect(others.expandByScalar(0.25 * others.getSize(size).length()));
+    whole.union(rollout.names.length > 2 ? path.intersect(usual) : path);
+  });
+  return whole;
+}
+
+/** The box of places without the ends of each axis. */
+function usually(places: Vector3[]): Box3 {
+  const box = new Box3();
+  if (!places.length) return box;
+  for (const axis of ["x", "y", "z"] as const) {
+    const sorted = places.map((p) => p[axis]).sort((a, b) => a - b);
+    const tail = Math.floor(TAIL * sorted.length);
+    box.min[axis] = sorted[tail]!;
+    box.max[axis] = sorted[sorted.length - 1 - tail]!;
+  }
+  return box;
+}
+
+/** first: the box at its start. moves: by more than its own size. */
+function pathOf(opened: Opened, world: WorldView, rollout: RolloutView, name: string, middles: Vector3[]): { path: Box3; first: Box3; moves: boolean } {
+  const item = world.moving.find((m) => m.name === name);
+  const path = new Box3();
+  const point = new Vector3();
+  const times = rollout.times.shape[0] ?? 0;
+  const column = rollout.names.indexOf(name);
+  const columns = rollout.names.length;
+  const active = opened.numbers(rollout.active);
+  const deformed = rollout.deformed.find((d) => d.name === name);
+  const values = opened.floats(deformed ? deformed.points : rollout.positions);
+  const count = deformed ? (deformed.points.shape[1] ?? 0) : 1;
+  const radius = (item?.shape ? boundingRadius(opened, item.shape) : item?.radius) ?? 0;
+  const stride = Math.max(1, Math.floor(count / POINTS));
+  const step = Math.max(1, Math.floor(times / SAMPLES));
+  let first: Box3 | null = null;
+  for (let i = 0; i < times; i += step) {
+    if (!active[i * columns + column]) continue;
+    for (let k = 0; k < count; k += stride) {
+      const at = 3 * (deformed ? i * count + k : i * columns + column);
+      const [x, y, z] = [values[at]!, values[at + 1]!, values[at + 2]!];
+      if (!Number.isFinite(x + y + z)) continue;
+      path.expandByPoint(point.set(x - radius, y - radius, z - radius));
+      path.expandByPoint(point.set(x + radius, y + radius, z + radius));
+    }
+    first ??= path.clone();
+    const at = 3 * (i * columns + column);
+    const centre = opened.floats(rollout.positions).subarray(at, at + 3);
+    if (Number.isFinite(centre[0]! + centre[1]! + centre[2]!)) middles.push(new Vector3().fromArray(centre));
+  }
+  const moves = first !== null && path.getSize(point).length() > 1.5 * first.getSize(new Vector3()).length();
+  return { path, first: first ?? path, moves };
+}
+
+/** Empty for a half space. A box, mostly a wall or a table, has its own corners: its ball would be much larger. */
+function staticBox(opened: Opened, fixed: Static): Box3 {
+  const box = new Box3();
+  const at = new Vector3().fromArray(fixed.position);
+  const [w, x, y, z] = fixed.orientation as [number, number, number, number];
+  const turn = new Quaternion(x, y, z, w);
+  const shape = fixed.shape;
+  const point = new Vector3();
+  if (shape.kind === "plane") return box;
+  if (shape.kind === "box") {
+    for (let corner = 0; corner < 8; corner++) {
+      point.fromArray(shape.half_extents.map((h, k) => (corner & (1 << k) ? h : -h)));
+      box.expandByPoint(point.applyQuaternion(turn).add(at));
+    }
+  } else if (shape.kind === "mesh") {
+    const v = opened.floats(shape.vertices);
+    for (let i = 0; i + 2 < v.length; i += 3) box.expandByPoint(point.fromArray(v, i).applyQuaternion(turn).add(at));
+  } else {
+    const r = boundingRadius(opened, shape);
+    box.expandByPoint(point.copy(at).addScalar(r)).expandByPoint(point.copy(at).addScalar(-r));
+  }
   return box;
 }

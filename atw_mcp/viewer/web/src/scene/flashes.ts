@@ -8,6 +8,9 @@ const SHOWN = 0.45;
 /** Diameter of a ring at its end [px]. */
 const WIDEST = 54;
 
+/** Events seen at once: the strongest; a heap that settles has hundreds. */
+const MOST = 12;
+
 export type EventColors = Record<EventMark["kind"], Color>;
 
 /** Okabe-Ito: contacts begin in vermillion and end in sky, and so on; the ring's form says the same. */
@@ -23,9 +26,11 @@ export const EVENT_COLORS: EventColors = {
 export class Flashes {
   private readonly dots: Dots;
   private readonly events: EventMark[];
+  private readonly strongest: number;
 
   constructor(rollout: RolloutView, rim: Color) {
     this.events = rollout.events.filter((e) => e.position !== null);
+    this.strongest = Math.max(0, ...this.events.map((e) => e.impulse ?? 0));
     this.dots = new Dots(2 * Math.max(1, this.events.length), rim);
   }
 
@@ -33,18 +38,20 @@ export class Flashes {
     return this.dots.object;
   }
 
-  /** Events seen at `t` [s]. */
+  /** Events seen at `t` [s], the strongest first. */
   setTime(t: number): EventMark[] {
     const seen: EventMark[] = [];
     this.dots.clear();
-    for (const event of this.events) {
+    for (const event of this.events) if (t >= event.time && t < event.time + SHOWN) seen.push(event);
+    seen.sort((a, b) => (b.impulse ?? 0) - (a.impulse ?? 0)).splice(MOST);
+    for (const event of seen) {
       const age = (t - event.time) / SHOWN;
-      if (age < 0 || age > 1) continue;
       const [x, y, z] = event.position as [number, number, number];
       const color = EVENT_COLORS[event.kind];
-      this.dots.add(x, y, z, color, 10 + (WIDEST - 10) * Math.sqrt(age), (1 - age) ** 0.7, 0.22);
-      if (event.kind === "contact_begin") this.dots.add(x, y, z, color, 12 * (1 - age), 1 - age);
-      seen.push(event);
+      const strength = this.strongest > 0 && event.impulse !== null ? Math.sqrt(event.impulse / this.strongest) : 0.6;
+      const widest = WIDEST * (0.3 + 0.7 * strength);
+      this.dots.add(x, y, z, color, 8 + (widest - 8) * Math.sqrt(age), (1 - age) ** 0.7, 0.2);
+      if (event.kind === "contact_begin") this.dots.add(x, y, z, color, 14 * strength * (1 - age), 1 - age);
     }
     this.dots.done();
     return seen;

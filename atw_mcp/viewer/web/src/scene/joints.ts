@@ -93,7 +93,7 @@ export class Marks {
           for (let i = 0; i <= RIM; i++) {
             const angle = (2 * Math.PI * i) / RIM;
             p!.copy(a!).addScaledVector(u!, joint.radius * Math.cos(angle)).addScaledVector(v!, joint.radius * Math.sin(angle));
-            if (i) line(last!, p!, 2.5);
+            if (i) line(last!, p!, 1.6);
             if (i && i % (RIM / 4) === 0) line(a!, p!, 1.2);
             last!.copy(p!);
           }

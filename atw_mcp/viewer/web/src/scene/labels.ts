@@ -7,6 +7,10 @@ export interface Label {
   key: string;
   text: string;
   at: Vector3;
+  /** Name of the object that it is about. */
+  object?: string;
+  /** Radius that it stays clear of [m]. */
+  above?: number;
   /** Of the dot before the text; null: none. */
   color: string | null;
   kind: "name" | "distance" | "gone" | "new" | "event" | "region";
@@ -35,6 +39,14 @@ export interface Window {
 }
 
 const projected = new Vector();
+const depth = new Vector();
+
+/** Pixels that the radius which a label stays clear of takes on the screen. */
+function clear(label: Label, camera: Camera, window: Window): number {
+  const [scale, down, , shift] = [5, 11, 14, 15].map((k) => camera.projectionMatrix.elements[k]!);
+  const w = down! * depth.copy(label.at).applyMatrix4(camera.matrixWorldInverse).z + shift!;
+  return (0.5 * label.above! * scale! * window.height) / w;
+}
 
 export class Labels {
   private readonly shown = new Map<string, Shown>();
@@ -44,14 +56,18 @@ export class Labels {
   /** Show labels of several views; where two would cover each other the earlier in the list is shown. */
   place(views: { labels: Label[]; camera: Camera; window: Window }[]): void {
     for (const one of this.shown.values()) one.used = false;
+    views.forEach(({ labels }, index) => labels.forEach((label) => this.element(`${index}|${label.key}`, label)));
+    for (const one of this.shown.values()) one.width ||= one.element.offsetWidth; // all at once: one layout of the page
     views.forEach(({ labels, camera, window }, index) => {
       const taken: [number, number, number][] = [];
       for (const label of labels) {
         projected.copy(label.at).project(camera);
         if (projected.z < -1 || projected.z > 1 || Math.abs(projected.x) > 1 || Math.abs(projected.y) > 1) continue;
-        const one = this.element(`${index}|${label.key}`, label);
+        const one = this.shown.get(`${index}|${label.key}`)!;
         let x = window.x + (0.5 + 0.5 * projected.x) * window.width;
-        const y = window.y + (0.5 - 0.5 * projected.y) * window.height - LIFT;
+        const seen = window.y + (0.5 - 0.5 * projected.y) * window.height;
+        if (label.object) Object.assign(one.element.dataset, { object: label.object, x: String(x), y: String(seen) });
+        const y = seen - LIFT - (label.above ? clear(label, camera, window) : 0);
         x = Math.min(Math.max(x, window.x + one.width / 2 + 2), window.x + window.width - one.width / 2 - 2);
         const free = taken.every(([tx, ty, tw]) => Math.abs(ty - y) > HEIGHT || Math.abs(tx - x) > (tw + one.width) / 2);
         if (!free && !label.chosen) continue;
@@ -85,7 +101,7 @@ export class Labels {
       one.words.textContent = label.text;
       one.element.className = kind;
       one.dot.hidden = label.color === null;
-      if (!same || !one.width) one.width = one.element.offsetWidth;
+      if (!same) one.width = 0;
     }
     if (label.color) one.dot.style.background = label.color;
     return one;

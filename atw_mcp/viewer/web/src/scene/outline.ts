@@ -6,7 +6,11 @@ import { viewportOf } from "./looks";
 const THICK = 3;
 
 const vertexShader = `
+  #ifdef SMOOTH
+  #define outward normal
+  #else
   attribute vec3 outward;
+  #endif
   uniform vec2 buffer;
   uniform float thick;
   void main() {
@@ -24,13 +28,19 @@ const fragmentShader = `
     #include <colorspace_fragment>
   }`;
 
-/** An outline to be added below a rigid object's mesh. */
-export function outline(mesh: Mesh, color: Color): Object3D {
+/** An outline to be added below a mesh. smooth: a closed surface whose corners move, and whose normals are shared. */
+export function outline(mesh: Mesh, color: Color, smooth: boolean): Object3D {
+  if (smooth) return hullOf(mesh.geometry, color, true);
   const source = mesh.geometry.index ? mesh.geometry.toNonIndexed() : mesh.geometry;
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", source.attributes.position!);
   geometry.setAttribute("outward", new Float32BufferAttribute(outwards(source.attributes.position as BufferAttribute), 3));
+  return hullOf(geometry, color, false);
+}
+
+function hullOf(geometry: BufferGeometry, color: Color, smooth: boolean): Object3D {
   const material = new ShaderMaterial({
+    defines: smooth ? { SMOOTH: "" } : {},
     vertexShader,
     fragmentShader,
     side: BackSide,

@@ -22,17 +22,32 @@ export interface Palette {
 export function palette(): Palette {
   const night = dark.value;
   return {
-    background: new Color(night ? "#12161b" : "#eef1f4"),
-    floor: new Color(night ? "#20262d" : "#fbfcfd"),
-    grid: new Color(night ? "#46505b" : "#b9c2cc"),
+    background: new Color(night ? "#12161b" : "#e3e8ed"),
+    floor: new Color(night ? "#20262d" : "#f2f4f6"),
+    grid: new Color(night ? "#46505b" : "#aeb8c3"),
     joint: new Color(token("ink")),
     region: new Color(token("ink-soft")),
     rim: new Color(token("surface")),
     chosen: new Color(token("cursor")),
     branch: new Color(token("branch")),
     bounce: new Color(night ? "#4d5763" : "#c9d0d8"),
-    ambient: night ? 1.5 : 1.9,
-    lamp: night ? 1.9 : 1.7,
-    shadow: night ? 0.75 : 0.42,
+    ambient: night ? 1.25 : 1.3,
+    lamp: night ? 2.2 : 1.9,
+    shadow: night ? 0.85 : 0.6,
   };
+}
+
+/** A colour as it is, or darker by day and lighter by night where a thin line of it would not stand out. */
+export function distinct(color: string, on: Color): Color {
+  const made = new Color(color);
+  const light = (c: Color) => 0.2126 * c.r + 0.7152 * c.g + 0.0722 * c.b;
+  const back = light(on);
+  const target = new Color(back > 0.4 ? 0x000000 : 0xffffff);
+  // the ratio of luminances of the accessibility guidelines; theirs for graphics is 3, lines here have their objects too
+  for (let i = 0; i < 12; i++) {
+    const [low, high] = [light(made), back].sort((a, b) => a - b) as [number, number];
+    if ((high + 0.05) / (low + 0.05) >= 2) break;
+    made.lerp(target, 0.12);
+  }
+  return made;
 }

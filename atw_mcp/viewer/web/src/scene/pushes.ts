@@ -7,20 +7,33 @@ import { lerp, moment } from "./samples";
 import { boundingRadius } from "./shapes";
 import type { WorldMeshes } from "./world_meshes";
 
-/** Length of the longest arrow, as a part of the size of the scene. */
-const LONGEST = 0.16;
+/** Length of a full arrow, as a part of the size of the scene. */
+const FULL = 0.15;
+/** A full arrow stands for this quantile of what there is: one close pass at a magnet would make all others vanish. */
+const QUANTILE = 0.9;
+/** Stronger ones are cut off at so many full arrows. */
+export const CUT = 1.6;
+/** Weaker ones than this part of a full arrow are left out. */
+const WEAK = 0.03;
 /** Okabe-Ito colours in the order in which effects take them. */
 const INKS = ["#d55e00", "#cc79a7", "#0072b2", "#009e73", "#e69f00", "#56b4e9"];
+
+/** What a full arrow stands for, and the strongest there is. */
+export interface Scale {
+  full: number;
+  most: number;
+  unit: string;
+}
 
 /** An entry of the legend. */
 export interface EffectKey {
   name: string;
   kind: string;
   color: string;
-  /** What the longest arrow stands for; null where the effect has no arrows. */
-  longest: { value: number; unit: string } | null;
-  /** Its field is drawn, with the value of its longest arrow. */
-  field: { value: number; unit: string } | null;
+  /** Arrows at objects; null where the effect has none. */
+  arrows: Scale | null;
+  /** Arrows of its field in space; null where it has none. */
+  field: Scale | null;
   enabled: boolean;
 }
 
@@ -31,20 +44,20 @@ export class Pushes {
 
   /** size: of the scene [m]. */
   constructor(opened: Opened, world: WorldView, rollout: RolloutView | null, meshes: WorldMeshes, size: number) {
-    const longest = LONGEST * size;
+    const full = FULL * size;
     const radii = new Map(world.moving.map((m) => [m.name, m.shape ? boundingRadius(opened, m.shape) : 0]));
     const names = new Set([...world.effects.map((e) => e.name), ...(rollout?.pushes.map((p) => p.effect) ?? [])]);
     let which = 0;
     for (const name of names) {
       const mark: EffectMark | undefined = world.effects.find((e) => e.name === name);
       const color = INKS[which++ % INKS.length]!;
-      const key: EffectKey = { name, kind: mark?.kind ?? "", color, longest: null, field: null, enabled: mark?.enabled ?? true };
+      const key: EffectKey = { name, kind: mark?.kind ?? "", color, arrows: null, field: null, enabled: mark?.enabled ?? true };
       const push = rollout?.pushes.find((p) => p.effect === name);
       if (push && rollout) {
         const values = opened.floats(push.accelerations);
-        const most = greatest(values);
-        if (most > 0) {
-          key.longest = { value: most, unit: "m/s²" };
+        const scale = scaleOf(values, "m/s^2");
+        if (scale) {
+          key.arrows = scale;
           const times = opened.floats(rollout.times);
           const columns = rollout.names.length;
           const arrows = new Arrows(columns, new Color(color), 0.0055 * size);
@@ -57,12 +70,12 @@ export class Pushes {
             for (let j = 0; j < columns; j++) {
               const [x, y, z] = [now[3 * j]!, now[3 * j + 1]!, now[3 * j + 2]!];
               const strength = Math.hypot(x, y, z);
-              if (!(strength > 1e-4 * most)) continue;
+              if (!(strength > WEAK * scale.full)) continue;
               if (!meshes.middle(rollout.names[j]!, from)) continue;
               // from the surface on: what is inside the object cannot be seen
               const out = (radii.get(rollout.names[j]!) ?? 0) / strength;
               from.set(from.x + out * x, from.y + out * y, from.z + out * z);
-              arrows.add(from, x, y, z, (longest * strength) / most);
+              arrows.add(from, x, y, z, full * Math.min(strength / scale.full, CUT));
             }
             arrows.done();
           });
@@ -71,16 +84,17 @@ export class Pushes {
       if (mark?.field) {
         const points = opened.floats(mark.field.points);
         const vectors = opened.floats(mark.field.vectors);
-        const most = greatest(vectors);
-        if (most > 0) {
-          key.field = { value: most, unit: mark.field.unit };
+        const scale = scaleOf(vectors, mark.field.unit);
+        if (scale) {
+          key.field = scale;
           const count = points.length / 3;
           const arrows = new Arrows(count, new Color(color), 0.0022 * size, 0.5);
-          const length = Math.min(0.7 * spacing(points), 0.6 * longest);
+          const length = Math.min(0.7 * spacing(points), 0.6 * full);
           const from = new Vector3();
           for (let i = 0; i < count; i++) {
             const [x, y, z] = [vectors[3 * i]!, vectors[3 * i + 1]!, vectors[3 * i + 2]!];
-            arrows.add(from.fromArray(points, 3 * i), x, y, z, (length * Math.hypot(x, y, z)) / most);
+            const strength = Math.hypot(x, y, z) / scale.full;
+            if (strength > WEAK) arrows.add(from.fromArray(points, 3 * i), x, y, z, length * Math.min(strength, CUT));
           }
           arrows.done();
           this.object.add(arrows.object);
@@ -95,14 +109,16 @@ export class Pushes {
   }
 }
 
-/** The greatest length of vectors (k, 3). */
-function greatest(vectors: Float32Array): number {
-  let most = 0;
+/** The scale for vectors (k, 3); null where all are zero. */
+function scaleOf(vectors: Float32Array, unit: string): Scale | null {
+  const lengths: number[] = [];
   for (let i = 0; i + 2 < vectors.length; i += 3) {
     const length = Math.hypot(vectors[i]!, vectors[i + 1]!, vectors[i + 2]!);
-    if (length > most) most = length;
+    if (length > 0) lengths.push(length);
   }
-  return most;
+  if (!lengths.length) return null;
+  lengths.sort((a, b) => a - b);
+  return { full: lengths[Math.floor(QUANTILE * (lengths.length - 1))]!, most: lengths.at(-1)!, unit };
 }
 
 /** Distance of the first point from its nearest neighbour [m]: the side of a regular grid. */

@@ -212,7 +212,7 @@ export class Stage {
 
   private draw(): void {
     if (!this.views.length || !this.palette) return;
-    const begun = performance.now();
+    const started = performance.now();
     if (this.stale) {
       for (const view of this.views) view.setTime(this.time, this.visible);
       this.renderer.shadowMap.needsUpdate = true;
@@ -233,6 +233,7 @@ export class Stage {
       const { x, y, width, height } = windows[i]!;
       this.renderer.setViewport(x, this.height - y - height, width, height);
       this.renderer.setScissor(x, this.height - y - height, width, height);
+      view.seenFrom(camera);
       this.renderer.shadowMap.needsUpdate = lights;
       this.renderer.render(view.scene, camera);
     });
@@ -240,7 +241,7 @@ export class Stage {
     const s = this.statistics;
     s.frames++;
     s.calls = this.renderer.info.render.calls;
-    s.updateMs = updated - begun;
+    s.updateMs = updated - started;
     s.updateTotalMs += s.updateMs;
     s.drawMs = drawn - updated;
     s.drawTotalMs += s.drawMs;

@@ -1,8 +1,9 @@
 // The path of each object: what has passed is solid, what is to come faint.
-import { Color } from "three";
+import type { Color } from "three";
 import type { RolloutView, WorldView } from "../document";
 import type { Opened } from "../unpack";
 import { Lines } from "./lines";
+import { distinct } from "./palette";
 
 /** Pieces of one path: as fine as the eye sees on a screen. */
 const PIECES = 300;
@@ -10,8 +11,8 @@ const PIECES = 300;
 export class Trails {
   private readonly lines: Lines;
 
-  /** width [px]. Objects that hardly move have no path. */
-  constructor(opened: Opened, world: WorldView, rollout: RolloutView, size: number, dashed: boolean) {
+  /** size: of the scene [m]; objects that hardly move have no path. floor: what paths are seen against. */
+  constructor(opened: Opened, world: WorldView, rollout: RolloutView, size: number, floor: Color, dashed: boolean) {
     const times = opened.floats(rollout.times);
     const positions = opened.floats(rollout.positions);
     const active = opened.numbers(rollout.active);
@@ -20,9 +21,9 @@ export class Trails {
     this.lines = new Lines(columns * (Math.ceil(times.length / step) + 1), { future: 0.28, dash: dashed ? 7 : 0 });
     rollout.names.forEach((name, column) => {
       const moving = world.moving.find((m) => m.name === name);
-      if (!moving || moving.kind === "fluid") return; // the middle of a fluid goes where none of it goes
-      const color = new Color(moving.color);
-      const begun = this.lines.count;
+      if (!moving || !["rigid", "soft"].includes(moving.kind)) return; // the middle of a rope goes where none of it goes
+      const color = distinct(moving.color, floor);
+      const from = this.lines.count;
       let reached = 0;
       for (let i = 0; i + 1 < times.length; i += step) {
         const next = Math.min(i + step, times.length - 1);
@@ -32,7 +33,7 @@ export class Trails {
         for (let k = 0; k < 3; k++) reached = Math.max(reached, Math.abs(positions[3 * b + k]! - positions[3 * column + k]!));
         this.lines.add(positions, 3 * a, positions, 3 * b, color, 2, times[i]!, times[next]!);
       }
-      if (reached < 1e-3 * size) this.lines.count = begun;
+      if (reached < 1e-3 * size) this.lines.count = from;
     });
     this.lines.done();
   }

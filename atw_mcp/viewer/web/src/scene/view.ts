@@ -1,6 +1,7 @@
 // One rollout in a three.js scene of its own: solids, marks, paths, arrows, light; and what its labels say.
 import {
   type Box3,
+  type Camera,
 
   DirectionalLight,
   HemisphereLight,
@@ -14,6 +15,7 @@ import { quantity, words } from "../format";
 import type { EventMark, Plane, RolloutView, WorldView } from "../document";
 import type { Opened } from "../unpack";
 import { Ghost } from "./compare";
+import { Cutaway } from "./cutaway";
 import { EVENT_COLORS, Flashes } from "./flashes";
 import { floorMesh, roundLength } from "./floor";
 import { Marks } from "./joints";
@@ -21,6 +23,7 @@ import type { Label } from "./labels";
 import { outline } from "./outline";
 import type { Palette } from "./palette";
 import { Pushes, type EffectKey } from "./pushes";
+import { boundingRadius } from "./shapes";
 import { Trails } from "./trails";
 import { buildWorld, disposeAll, type WorldMeshes } from "./world_meshes";
 
@@ -44,6 +47,10 @@ export interface ViewOf {
 
 /** Labels of names are shown for so many objects at most: beyond, only the chosen one's. */
 const NAMES = 60;
+/** Objects that fixed solids are kept from hiding, at most. */
+const TARGETS = 8;
+/** Events that are named at once: the strongest. */
+const NAMED = 3;
 const EVENT_WORDS: Record<EventMark["kind"], string> = {
   contact_begin: "contact",
   contact_end: "parted",
@@ -69,6 +76,8 @@ export class View {
   private readonly pushes: Pushes;
   private readonly flashes: Flashes | null = null;
   private readonly size: number;
+  private readonly cutaway: Cutaway;
+  private readonly radii: Map<string, number>;
   private highlighted: string | null = null;
   private edge: Object3D | null = null;
   private seen: EventMark[] = [];
@@ -82,23 +91,26 @@ export class View {
     const span = extent.getSize(new Vector3());
     this.size = span.length();
     this.cell = roundLength(0.12 * this.size);
+    this.radii = new Map(world.moving.map((m) => [m.name, m.shape ? boundingRadius(opened, m.shape) : 0]));
     this.meshes = buildWorld(opened, world, rollout);
     this.scene.add(this.meshes.group);
     this.missing = [...this.meshes.missing];
     this.gridNote = this.floors();
     this.light();
+    const solids = world.statics.filter((s) => s.shape.kind !== "plane").map((s) => this.meshes.byName.get(s.name) as Mesh);
+    this.cutaway = new Cutaway(solids);
     this.marks = new Marks(world, this.meshes, this.size, palette);
     this.pushes = new Pushes(opened, world, rollout, this.meshes, this.size);
     this.keys = this.pushes.keys;
     this.scene.add(this.marks.object, this.pushes.object);
     if (rollout) {
-      this.trails = new Trails(opened, world, rollout, this.size, false);
+      this.trails = new Trails(opened, world, rollout, this.size, palette.floor, false);
       this.flashes = new Flashes(rollout, palette.rim);
       this.scene.add(this.trails.object, this.flashes.object);
     }
     if (of.ghost && rollout) {
       this.ghost = new Ghost(opened, { world, rollout }, of.ghost, this.meshes, this.size, palette.branch);
-      this.ghostTrails = new Trails(opened, of.ghost.world, of.ghost.rollout, this.size, true);
+      this.ghostTrails = new Trails(opened, of.ghost.world, of.ghost.rollout, this.size, palette.floor, true);
       this.scene.add(this.ghost.object, this.ghostTrails.object);
     }
   }
@@ -144,7 +156,7 @@ export class View {
     const centre = extent.getCenter(new Vector3());
     this.scene.add(new HemisphereLight(0xffffff, this.palette.bounce, this.palette.ambient));
     const lamp = new DirectionalLight(0xffffff, this.palette.lamp);
-    lamp.position.copy(centre).add(new Vector3(-0.22, -0.3, 1).normalize().multiplyScalar(1.5 * this.size));
+    lamp.position.copy(centre).add(new Vector3(-0.3, -0.45, 1).normalize().multiplyScalar(1.5 * this.size));
     lamp.target.position.copy(centre);
     lamp.castShadow = true;
     lamp.shadow.mapSize.set(2048, 2048);
@@ -176,6 +188,17 @@ export class View {
     this.write(shown);
   }
 
+  /** Before each frame, once the eye has its place. */
+  seenFrom(camera: Camera): void {
+    if (!this.of.world.statics.length) return;
+    const targets: Vector3[] = [];
+    for (const name of this.of.rollout?.names ?? []) {
+      const at = new Vector3();
+      if (targets.length < TARGETS && this.meshes.middle(name, at)) targets.push(at);
+    }
+    this.cutaway.update(camera, targets);
+  }
+
   /** The chosen object gets an outline; what has no rigid surface shines. */
   highlight(name: string | null): void {
     if (name === this.highlighted) return;
@@ -185,11 +208,12 @@ export class View {
     this.highlighted = name;
     const object = name === null ? undefined : this.meshes.byName.get(name);
     if (!object) return;
-    if (object instanceof Mesh) {
-      this.edge = outline(object, this.palette.chosen);
-      object.add(this.edge);
+    const closed = this.of.world.moving.find((m) => m.name === name)?.kind === "soft" ? object.children[0] : object;
+    if (closed instanceof Mesh) {
+      this.edge = outline(closed, this.palette.chosen, closed !== object);
+      closed.add(this.edge);
     }
-    this.glow(name, object instanceof Mesh ? 0.12 : 0.4);
+    this.glow(name, closed instanceof Mesh ? 0.12 : 0.4);
   }
 
   private glow(name: string | null, strength: number): void {
@@ -211,12 +235,13 @@ export class View {
       const at = new Vector3();
       if (!this.meshes.middle(name, at)) return;
       const color = world.moving.find((m) => m.name === name)?.color ?? null;
-      labels.push({ key: name, text: words(name), at, color, kind: "name", chosen: name === this.highlighted });
+      const above = this.radii.get(name) ?? 0;
+      labels.push({ key: name, object: name, text: words(name), at, above, color, kind: "name", chosen: name === this.highlighted });
     };
     if (this.highlighted !== null) label(this.highlighted);
     labels.push(...this.differences);
     if (shown.events) {
-      for (const event of this.seen) {
+      for (const event of this.seen.slice(0, NAMED)) {
         const strength = event.impulse !== null ? ` ${quantity(event.impulse, "N s", 3)}` : "";
         const text = `${EVENT_WORDS[event.kind]}: ${event.participants.map(words).join(" – ")}${strength}`;
         const at = new Vector3().fromArray(event.position!);

@@ -8,6 +8,7 @@ import {
   type Material,
   Mesh,
   type Object3D,
+  SphereGeometry,
   type Vector3,
 } from "three";
 import type { Deformed, Moving, RolloutView, WorldView } from "../document";
@@ -168,7 +169,9 @@ function rigid(opened: Opened, moving: Moving, style: Style): Mesh {
   const body = new Mesh(geometry, surface(moving.color, { style, pattern: round ? "octants" : "none" }));
   if (style === "ghost") {
     const ink = new LineBasicMaterial({ color: moving.color, transparent: true, opacity: 0.9 });
-    body.add(new LineSegments(new EdgesGeometry(geometry, shape.kind === "sphere" ? 8 : 25), ink));
+    const few = shape.kind === "sphere" ? new SphereGeometry(shape.radius, 12, 6) : geometry;
+    body.add(new LineSegments(new EdgesGeometry(few, shape.kind === "sphere" ? 1 : 25), ink));
+    if (few !== geometry) few.dispose();
   }
   return body;
 }
