@@ -20,10 +20,10 @@ export function Objects() {
       <div class="scroll">
         <ul>
           {shown.moving.map((m) => (
-            <Row key={m.name} moving={m} note={branch && !has(branch, m.name) ? `not ${branch.label}` : ""} />
+            <Row key={m.name} moving={m} note={branch && !has(branch, m.name) ? "not in the compared world" : ""} />
           ))}
           {added.map((m) => (
-            <Row key={m.name} moving={m} note={`only ${branch!.label}`} />
+            <Row key={m.name} moving={m} note={"only in the compared world"} />
           ))}
         </ul>
       </div>

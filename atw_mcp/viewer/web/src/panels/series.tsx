@@ -1,4 +1,288 @@
-/** Not yet written. */
+// Series of objects over time, linked to the clock: the pointer reads values, a click goes to that moment.
+import type uPlot from "uplot";
+import { computed, signal, useSignalEffect } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import type { RolloutView } from "../document";
+import { digits, moment, unitText, words } from "../format";
+import { legible } from "../legible";
+import { document, duration, object, other, otherWorld, rollout, time, world } from "../state";
+import { dark } from "../theme";
+import {
+  holders,
+  measures,
+  nearestValue,
+  observationsOf,
+  pointsOf,
+  valueAt,
+  type Measure,
+  type Points,
+} from "./series_data";
+import { plot, type Dots, type Line } from "./series_plot";
+import { view, zoomed } from "./timeline_view";
+import "./series.css";
+
+/** Objects shown where none has been chosen: as many lines as can be told from one another at a glance. */
+const AT_FIRST = 3;
+
+const measureName = signal("speed");
+/** Names added to the chosen object. */
+const pinned = signal<ReadonlySet<string>>(new Set());
+const run = signal(0);
+/** Moment under the pointer [s]. */
+const pointed = signal<number | null>(null);
+
+const rollouts = computed(() => {
+  const found = [rollout.value, other.value].filter((r): r is RolloutView => r !== null);
+  return found[0]?.id === found[1]?.id ? found.slice(0, 1) : found;
+});
+const tracks = computed(() => document.value?.tracks ?? []);
+const track = computed(() => tracks.value[run.value] ?? tracks.value[0] ?? null);
+const choices = computed(() => measures(rollouts.value, tracks.value));
+const measure = computed(() => choices.value.find((m) => m.name === measureName.value) ?? choices.value[0] ?? null);
+const names = computed(() => (measure.value ? holders(measure.value, rollouts.value, tracks.value) : []));
+const shown = computed(() => {
+  const picked = names.value.filter((name) => pinned.value.has(name) || object.value === name);
+  return picked.length ? picked : names.value.slice(0, AT_FIRST);
+});
+const colors = computed(
+  () => new Map([...(otherWorld.value?.moving ?? []), ...(world.value?.moving ?? [])].map((m) => [m.name, m.color])),
+);
+
+interface Drawn extends Line {
+  rollout: RolloutView;
+}
+
+const lines = computed<Drawn[]>(() =>
+  rollouts.value.flatMap((r, k) =>
+    shown.value.flatMap((name) => {
+      const points = pointsOf(measure.value!, r, name);
+      if (!points) return [];
+      const label = k === 0 ? words(name) : `${words(name)} (compared)`;
+      return [{ object: name, label, color: colorOf(name), dashed: k > 0, points, rollout: r }];
+    }),
+  ),
+);
+const dots = computed<Dots[]>(() =>
+  shown.value.flatMap((name) => {
+    const observed = track.value && measure.value ? observationsOf(measure.value, track.value, name) : null;
+    return observed ? [{ object: name, color: colorOf(name), observed }] : [];
+  }),
+);
+
+function colorOf(name: string): string {
+  return colors.value.get(name) ?? "#808080";
+}
+
 export function Series() {
-  return <section aria-label="series" />;
+  if (!measure.value) return <p class="empty">There are neither rollouts nor tracks to draw.</p>;
+  return (
+    <div class="series">
+      <Controls />
+      <div class="body">
+        <Plot />
+        <Values measure={measure.value} />
+      </div>
+    </div>
+  );
+}
+
+function Controls() {
+  const several = tracks.value.length > 1 && measure.value?.coordinate !== undefined;
+  return (
+    <div class="bar controls">
+      <label>
+        <span class="soft">Quantity</span>
+        <select
+          name="quantity"
+          value={measure.value!.name}
+          onChange={(event) => (measureName.value = event.currentTarget.value)}
+        >
+          {choices.value.map((m) => (
+            <option key={m.name} value={m.name}>
+              {m.title}
+              {m.unit === "1" ? "" : ` [${unitText(m.unit)}]`}
+            </option>
+          ))}
+        </select>
+      </label>
+      {several && (
+        <label>
+          <span class="soft">Observed run</span>
+          <select value={String(run.value)} onChange={(event) => (run.value = Number(event.currentTarget.value))}>
+            {tracks.value.map((t, k) => (
+              <option key={k} value={String(k)}>
+                {t.run || t.id}
+              </option>
+            ))}
+          </select>
+        </label>
+      )}
+      <div class="which" role="group" aria-label="objects drawn">
+        {names.value.map((name) => (
+          <button key={name} aria-pressed={shown.value.includes(name)} data-object={name} onClick={() => toggle(name)}>
+            <span class="swatch" style={{ background: colorOf(name) }} />
+            {words(name)}
+          </button>
+        ))}
+      </div>
+      {zoomed.value && (
+        <button class="push" onClick={() => (zoomed.value = null)}>
+          All of time
+        </button>
+      )}
+    </div>
+  );
+}
+
+/** Add an object to those drawn or take it away; what was drawn by default stays until then. */
+function toggle(name: string): void {
+  const next = new Set(shown.value);
+  if (!next.delete(name)) next.add(name);
+  else if (object.value === name) object.value = null;
+  pinned.value = next;
+}
+
+function Plot() {
+  const into = useRef<HTMLDivElement>(null);
+  const now = useRef<HTMLDivElement>(null);
+  const made = useRef<uPlot | null>(null);
+  const size = useRef(signal({ width: 0, height: 0 })).current;
+  useEffect(() => {
+    const observer = new ResizeObserver(([entry]) => {
+      const { width, height } = entry!.contentRect;
+      size.value = { width: Math.floor(width), height: Math.floor(height) };
+    });
+    observer.observe(into.current!);
+    return () => observer.disconnect();
+  }, []);
+  const mark = () => {
+    if (!made.current || !now.current) return;
+    const over = made.current.over;
+    const x = made.current.valToPos(time.value, "x");
+    now.current.style.transform = `translateX(${over.offsetLeft + x}px)`;
+    now.current.style.height = `${over.clientHeight}px`;
+    now.current.hidden = x < 0 || x > over.clientWidth;
+  };
+  useSignalEffect(() => {
+    void dark.value;
+    void view.value;
+    if (!into.current || size.value.width < 50 || !measure.value) return;
+    made.current = plot(into.current, size.value, measure.value, lines.value, dots.value, (t) => (pointed.value = t));
+    mark();
+    return () => {
+      made.current?.destroy();
+      made.current = null;
+    };
+  });
+  useSignalEffect(() => {
+    void time.value;
+    mark();
+  });
+  return (
+    <div class="plot" ref={into} role="img" aria-label={`${measure.value!.title} over time; values in the table`}>
+      <div class="now" ref={now} />
+    </div>
+  );
+}
+
+/** The values now and under the pointer. */
+function Values({ measure: m }: { measure: Measure }) {
+  const t = Math.min(time.value, duration.value);
+  const at = pointed.value;
+  const residual = m.name === "distance" || m.name === "sigmas";
+  const read = (points: Points, when: number) => (residual ? nearestValue(points, when) : valueAt(points, when));
+  return (
+    <div class="scroll values">
+      <table data-series={m.name} data-time={t}>
+        <thead>
+          <tr>
+            <th>
+              {m.title}
+              {m.unit === "1" ? "" : ` [${unitText(m.unit)}]`}
+            </th>
+            <th class="number">{moment(t)}</th>
+            <th class="number pointer">{at === null ? "pointer" : moment(at)}</th>
+          </tr>
+        </thead>
+        <tbody>
+          {lines.value.map((line) => {
+            const value = read(line.points, t);
+            return (
+              <tr
+                key={`${line.rollout.id} ${line.object}`}
+                data-series={m.name}
+                data-object={line.object}
+                data-rollout={line.rollout.id}
+                data-value={value}
+              >
+                <td class="who">
+                  <span>
+                    <Sample color={line.color} dashed={line.dashed} /> {words(line.object)}
+                  </span>
+                  {rollouts.value.length > 1 && <div class="small soft">{line.rollout.label}</div>}
+                </td>
+                <td class="number">{digits(value)}</td>
+                <td class="number pointer">{at === null ? "" : digits(read(line.points, at))}</td>
+              </tr>
+            );
+          })}
+          {dots.value.map(({ object: name, color, observed }) => {
+            const value = nearestValue(observed, t);
+            return (
+              <tr key={`observed ${name}`} data-series={m.name} data-object={name} data-observed data-value={value}>
+                <td class="who">
+                  <span>
+                    <Dot color={color} /> {words(name)}
+                  </span>
+                  <div class="small soft">observed, ± 1 σ{track.value?.held_out_from != null && "; hollow: held out"}</div>
+                </td>
+                <td class="number">{withSpread(observed, t)}</td>
+                <td class="number pointer">{at === null ? "" : withSpread(observed, at)}</td>
+              </tr>
+            );
+          })}
+          {absent().map(([name, r]) => (
+            <tr key={`${name} ${r.id}`}>
+              <td class="soft" colSpan={3}>
+                {words(name)}: none in “{r.label}”
+              </td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+    </div>
+  );
+}
+
+/** Objects drawn that a rollout does not have. */
+function absent(): [string, RolloutView][] {
+  return rollouts.value.flatMap((r) =>
+    shown.value
+      .filter((name) => !lines.value.some((line) => line.rollout === r && line.object === name))
+      .map((name): [string, RolloutView] => [name, r]),
+  );
+}
+
+function withSpread(observed: Dots["observed"], t: number): string {
+  const value = nearestValue(observed, t);
+  const sigma = nearestValue({ times: observed.times, values: observed.sigma }, t);
+  if (Number.isNaN(value)) return "–";
+  return Number.isNaN(sigma) ? digits(value) : `${digits(value)} ± ${digits(sigma, 2)}`;
+}
+
+function Sample({ color, dashed }: { color: string; dashed: boolean }) {
+  return (
+    <svg class="stroke" viewBox="0 0 24 8" aria-hidden="true">
+      <path d="M0 4h24" stroke={legible(color)} stroke-width="2.5" stroke-dasharray={dashed ? "7 5" : undefined} />
+    </svg>
+  );
+}
+
+function Dot({ color }: { color: string }) {
+  return (
+    <svg class="stroke" viewBox="0 0 24 8" aria-hidden="true">
+      <path d="M12 0v8" stroke={legible(color)} />
+      <circle cx="12" cy="4" r="2.5" fill={legible(color)} />
+    </svg>
+  );
 }

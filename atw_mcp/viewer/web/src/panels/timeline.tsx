@@ -1,6 +1,6 @@
 // Events of the rollouts shown as marks over time; clicking one goes to its moment.
 import { useEffect, useRef } from "preact/hooks";
-import { signal, useSignalEffect } from "@preact/signals";
+import { signal, untracked, useSignalEffect } from "@preact/signals";
 import { eventLabel, groundShown, hiddenKinds, KINDS, lanes, visibleLanes, type Kind, type Lane } from "../events";
 import { digits } from "../format";
 import { Icon } from "../icons";
@@ -24,7 +24,10 @@ export function Timeline() {
     observer.observe(plot.current!);
     return () => observer.disconnect();
   }, []);
-  useSignalEffect(() => reveal(time.value));
+  useSignalEffect(() => {
+    const t = time.value;
+    untracked(() => reveal(t)); // only when the clock moves: one may look elsewhere meanwhile
+  });
   return (
     <section class="timeline" aria-label="timeline">
       <div class="plot" ref={plot}>

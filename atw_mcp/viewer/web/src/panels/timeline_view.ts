@@ -5,8 +5,8 @@ import { document, duration, lastTime, opened, rollout } from "../state";
 
 /** Room left of the first moment and right of the last, so that marks there are whole [px]. */
 export const MARGIN = 10;
-/** Marks closer than this are bundled: about the width of one [px]. */
-const BUNDLE = 16;
+/** Marks closer than this are bundled: the width of one and a gap [px]. */
+const BUNDLE = 20;
 /** The shortest interval that can be shown [s]: a few steps of a rollout. */
 const SHORTEST = 1e-3;
 

@@ -72,7 +72,7 @@ function Clock() {
   return (
     <p class="clock number" data-time={time.value} data-frame={frame.value}>
       <b>{time.value.toFixed(3)} s</b>
-      <span class="soft">of {digits(duration.value)} s</span>
+      <span class="soft length">of {digits(duration.value)} s</span>
       {filmEnd.value !== null && (
         <span class="soft">
           {beyond ? "beyond the video" : `frame ${Math.floor(frame.value + 1e-4)}${lastFrame()}`}
