@@ -162,25 +162,38 @@ function drawDots(u: uPlot, dots: Dots[], [from, to]: [number, number]): void {
 function drawLabels(u: uPlot, lines: Line[]): void {
   const { ctx } = u;
   const scale = devicePixelRatio;
-  const taken: number[] = [];
   ctx.save();
   ctx.font = `600 ${11 * scale}px system-ui, sans-serif`;
   ctx.textAlign = "right";
   ctx.textBaseline = "middle";
   ctx.lineWidth = 4 * scale;
   ctx.strokeStyle = token("surface");
-  const labelled = lines.map((line, k) => ({ line, end: lastShown(u, k + 1) }));
-  for (const { line, end } of labelled) {
-    if (!end) continue;
-    let y = end[1] - 10 * scale;
-    while (taken.some((other) => Math.abs(other - y) < 13 * scale)) y += 13 * scale;
-    y = Math.min(Math.max(y, u.bbox.top + 8 * scale), u.bbox.top + u.bbox.height - 8 * scale);
-    taken.push(y);
-    ctx.strokeText(line.label, end[0] - 4 * scale, y);
+  const labels = lines.flatMap((line, k) => {
+    const end = lastShown(u, k + 1);
+    return end ? [{ line, x: end[0] - 4 * scale, y: end[1] - 10 * scale }] : [];
+  });
+  spread(labels, 13 * scale, u.bbox.top + 8 * scale, u.bbox.top + u.bbox.height - 8 * scale);
+  for (const { line, x, y } of labels) {
+    ctx.strokeText(line.label, x, y);
     ctx.fillStyle = legible(line.color);
-    ctx.fillText(line.label, end[0] - 4 * scale, y);
+    ctx.fillText(line.label, x, y);
   }
   ctx.restore();
+}
+
+/** Shift labels up or down until none is within `apart` of another, from `top` to `bottom` where there is room. */
+function spread(labels: { y: number }[], apart: number, top: number, bottom: number): void {
+  labels.sort((a, b) => a.y - b.y);
+  let least = top;
+  for (const label of labels) {
+    label.y = Math.max(label.y, least);
+    least = label.y + apart;
+  }
+  let most = bottom;
+  for (const label of labels.toReversed()) {
+    label.y = Math.min(label.y, most);
+    most = label.y - apart;
+  }
 }
 
 /** Place of the last value of a series in sight [canvas px]. */
