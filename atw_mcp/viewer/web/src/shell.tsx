@@ -47,8 +47,10 @@ export function Shell() {
   const scene = doc.worlds.length > 0;
   return (
     <main class="shell">
-      <Head />
-      <Notices />
+      <div class="top">
+        <Head />
+        <Notices />
+      </div>
       {scene && <Choosers />}
       <div class="stage" data-cells={Number(film) + Number(scene)} data-layout={layout.value}>
         {film && (

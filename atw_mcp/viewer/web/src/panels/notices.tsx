@@ -1,6 +1,6 @@
 // What is not shown and why, and work that is not finished.
 import { wait } from "../format";
-import { document } from "../state";
+import { document, failure } from "../state";
 import type { Running } from "../document";
 import "./notices.css";
 
@@ -9,9 +9,14 @@ const SHOWN_AT_ONCE = 2;
 
 export function Notices() {
   const doc = document.value;
-  if (!doc || (doc.missing.length === 0 && doc.running.length === 0)) return null;
+  if (!doc || (doc.missing.length === 0 && doc.running.length === 0 && !failure.value)) return null;
   return (
     <section class="notices" aria-label="notices">
+      {failure.value && (
+        <p class="notice failed" role="alert">
+          {failure.value}
+        </p>
+      )}
       {doc.running.map((work) => (
         <Work key={work.evidence} work={work} />
       ))}

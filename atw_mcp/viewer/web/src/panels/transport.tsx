@@ -12,24 +12,26 @@ const FRACTIONS: Record<number, string> = { 0.0625: "1/16", 0.125: "1/8", 0.25: 
 export function Transport() {
   return (
     <div class="bar transport" role="group" aria-label="transport">
-      <div class="buttons">
-        <Button icon="start" label="To the start (Home)" run={() => seek(0)} />
-        <Button icon="previous" label="Previous event (Shift ←)" run={() => stepEvent(-1)} />
-        <Button icon="back" label="One frame back (←)" run={() => stepFrame(-1)} />
-        <button
-          class="primary icon play"
-          aria-label={playing.value ? "Pause" : "Play"}
-          title={playing.value ? "Pause (Space)" : "Play (Space)"}
-          disabled={duration.value === 0}
-          onClick={togglePlay}
-        >
-          <Icon name={playing.value ? "pause" : "play"} />
-        </button>
-        <Button icon="forward" label="One frame forward (→)" run={() => stepFrame(1)} />
-        <Button icon="next" label="Next event (Shift →)" run={() => stepEvent(1)} />
-        <Button icon="end" label="To the end (End)" run={() => seek(duration.value)} />
+      <div class="main">
+        <div class="buttons">
+          <Button icon="start" label="To the start (Home)" run={() => seek(0)} />
+          <Button icon="previous" label="Previous event (Shift ←)" run={() => stepEvent(-1)} />
+          <Button icon="back" label="One frame back (←)" run={() => stepFrame(-1)} />
+          <button
+            class="primary icon play"
+            aria-label={playing.value ? "Pause" : "Play"}
+            title={playing.value ? "Pause (Space)" : "Play (Space)"}
+            disabled={duration.value === 0}
+            onClick={togglePlay}
+          >
+            <Icon name={playing.value ? "pause" : "play"} />
+          </button>
+          <Button icon="forward" label="One frame forward (→)" run={() => stepFrame(1)} />
+          <Button icon="next" label="Next event (Shift →)" run={() => stepEvent(1)} />
+          <Button icon="end" label="To the end (End)" run={() => seek(duration.value)} />
+        </div>
+        <Clock />
       </div>
-      <Clock />
       <label>
         <span class="visually-hidden">speed</span>
         <select
