@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from atw_mcp.viewer.case_document import case_document
 from atw_mcp.viewer.document import Block, GapView
 from atw_mcp.viewer.gaps import gap_views
-from atw_mcp.viewer.packing import Blocks
+from atw_mcp.viewer.packing import Blocks, packed
+from atw_mcp.viewer.page import page
 from evidence_store import EvidenceStore
 from evidence_store.export import export_case, import_case
 from tests.atw_mcp.gap.thrown_ball import DRAG, LAUNCHES, SIGMA, flown, world, write_table
 from tests.atw_mcp.session import Session
+from tests.atw_mcp.viewer.conftest import Pages
 
 WAIT = {"patience_seconds": 300}
 HELD_OUT = 46  # the first of 61 samples that is held out, the last quarter
@@ -128,3 +131,33 @@ def test_results_without_numbers_are_shown_with_a_sentence(call: Session) -> Non
     views, missing = gap_views(older, case, Blocks())
     assert [v.series == [] for v in views] == [True, False]
     assert missing == [f"Residuals of {record.id} are not shown: an older version kept pictures of them, not numbers."]
+
+
+def test_the_page_shows_these_numbers(call: Session, read: Read, pages: Pages, tmp_path: Path) -> None:
+    file = tmp_path / "view.html"
+    file.write_text(page(packed(*case_document(EvidenceStore(call.store), "ball"))), encoding="utf-8")
+    shown = pages.open(file)
+    shown.click("#tab-gap")
+    added, found = read.of("AddEffect"), read.of("FindDiscrepancy")
+    steps = shown.locator("[data-gap-step]")
+    assert [s.get_attribute("data-tool") for s in steps.all()] == ["FindDiscrepancy", "AddEffect"]
+    assert steps.nth(0).locator("[data-verdict]").inner_text() == "✗ Something is missing"
+    for kind, value in (("before", added.gap_before), ("after", added.gap_after), ("noise", added.noise)):
+        assert float(steps.nth(1).locator(f"[data-gap={kind}]").get_attribute("data-value") or "") == value
+    sizes = read(added.series[0].residual_before)
+    rms = float(steps.nth(1).locator(".gap-small").get_attribute("data-rms") or "")
+    assert rms == pytest.approx(np.sqrt(np.mean(sizes**2)), rel=1e-5)
+    mark = steps.nth(0).locator(".jump").first
+    assert float(mark.get_attribute("data-sigmas") or "") == found.jumps[0].sigmas
+    places = steps.nth(1).locator(".gap-map canvas").first
+    places.press("ArrowLeft")  # the last dot
+    line = steps.nth(1).locator("[data-size]")
+    size = float(line.get_attribute("data-size") or "")
+    assert size == pytest.approx(np.sqrt(np.mean(sizes[-1] ** 2)), rel=1e-5)
+    assert "held out" in line.inner_text()
+    places.press("Enter")  # the only run's time is the page's
+    readout = steps.nth(1).locator(".gap-small [data-time]")
+    assert float(readout.get_attribute("data-time") or "") == pytest.approx(1.0, abs=1e-5)
+    assert float(readout.get_attribute("data-x-after") or "") == pytest.approx(
+        read(added.series[0].residual_after)[-1, 0], rel=1e-5
+    )
