@@ -16,9 +16,9 @@ CONTENTS = {
     "world_tracks": "tracks",
     "imported_tracks": "tracks",
     "imported_shapes": "shapes",
-    "fit": "fit",
-    "posterior": "sample",
-    "gap": "gap",
+    "fit": "values fitted",
+    "posterior": "values sampled",
+    "gap": "gap examined",
 }
 ORIGINS = {
     "built": "as built",

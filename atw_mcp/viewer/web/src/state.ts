@@ -34,6 +34,8 @@ export const eye = signal<Eye>("orbit");
 export const tab = signal<Tab>("series");
 /** Id of the chosen row of evidence. */
 export const evidence = signal<string | null>(null);
+/** Id of the chosen record of the provenance graph; "": none; null: the viewer chooses. */
+export const record = signal<string | null>(null);
 
 export const document = computed(() => opened.value?.document ?? null);
 export const rollout = computed(() => rolloutOf(chosen.value));
