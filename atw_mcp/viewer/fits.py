@@ -197,7 +197,8 @@ def _notes(undetermined: list[Mapping[str, Any]]) -> dict[str, str]:
 def _curve(history: list[Mapping[str, Any]]) -> Curve | None:
     """Return the losses of all searches one after another, with an empty step between two, so that no line joins them.
 
-    A loss is over the samples that the search had come to, so it may rise where it goes on to more of them.
+    A loss is the mean square deviation from the observations, in their variances, over the samples that the search had
+    come to, so it may rise where it goes on to more of them.
     """
     steps: list[float] = []
     current: list[float | None] = []
@@ -214,7 +215,7 @@ def _curve(history: list[Mapping[str, Any]]) -> Curve | None:
         best.append(point["best"])
     if not steps:
         return None
-    return Curve(step="generation", steps=steps, current=current, best=best, unit="mean square deviation in sigma")
+    return Curve(step="generation", steps=steps, current=current, best=best, unit="σ²")
 
 
 def _short(name: str) -> str:

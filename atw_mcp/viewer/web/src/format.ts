@@ -34,15 +34,20 @@ export function unitText(unit: string): string {
 /** A number with its unit, with a prefix where that reads better: 0.00123 m as 1.230 mm. */
 export function quantity(x: number | null | undefined, unit: string, significant = 4): string {
   if (x === null || x === undefined || !Number.isFinite(x)) return digits(x);
+  const read = scaled(x, unit);
+  return `${digits(x / read.factor, significant)} ${read.unit}`.trimEnd();
+}
+
+/** The unit in which a number of this size reads best, and how much of the unit given it is. */
+export function scaled(x: number, unit: string): { factor: number; unit: string } {
   const [first = "", rest = ""] = split(unit);
   const size = Math.abs(x);
   if (size === 0 || (size >= 0.01 && size < 1e4) || !/^(m|s|N|J|W|Pa|Hz|kg|rad)$/.test(first) || /^\^/.test(rest)) {
-    return `${digits(x, significant)} ${unitText(unit)}`.trimEnd();
+    return { factor: 1, unit: unitText(unit) };
   }
   const grams = first === "kg";
-  const value = grams ? x * 1000 : x;
-  const [factor, prefix] = PREFIXES.find(([f]) => Math.abs(value) >= f * 0.9995) ?? PREFIXES.at(-1)!;
-  return `${digits(value / factor, significant)} ${prefix}${grams ? "g" : first}${unitText(rest)}`;
+  const [factor, prefix] = PREFIXES.find(([f]) => (grams ? size * 1000 : size) >= f * 0.9995) ?? PREFIXES.at(-1)!;
+  return { factor: grams ? factor / 1000 : factor, unit: `${prefix}${grams ? "g" : first}${unitText(rest)}` };
 }
 
 /** A moment [s] to the millisecond. */
