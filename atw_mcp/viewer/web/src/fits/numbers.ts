@@ -1,6 +1,6 @@
 // Fitted values as people read them, and what a sample of them shows.
 import type { FittedParameter } from "../document";
-import { digits, scaled } from "../format";
+import { digits, scaled, words } from "../format";
 
 /** Names of initial states, which come after what an object or the surroundings are. */
 const STATES = /\.(position|velocity|rotation|angular_velocity|shift)\./;
@@ -17,7 +17,8 @@ export function isFitted(parameter: FittedParameter): boolean {
 /** The object that a parameter is of, if it is of one, and its name without it. */
 export function parts(name: string): { object: string | null; rest: string } {
   const [head, ...rest] = name.split(".");
-  return rest.length ? { object: head!, rest: rest.join(" ").replaceAll("_", " ") } : { object: null, rest: name.replaceAll("_", " ") };
+  if (!rest.length) return { object: null, rest: words(name) };
+  return { object: head!, rest: words(rest.join(" ")) };
 }
 
 /** A value with its 95% interval in one unit, to two digits of the half width: 19.7 ± 2.4 mm. */
@@ -37,7 +38,8 @@ export function withInterval(parameter: FittedParameter): string {
   if (below !== null && above !== null && Math.abs(below - above) <= 0.1 * wide) {
     return `${text(value)} ± ${text((below + above) / 2)} ${unit}`.trimEnd();
   }
-  const range = low === null ? `up to ${text(high!)}` : high === null ? `at least ${text(low)}` : `${text(low)} to ${text(high)}`;
+  const range =
+    low === null ? `at most ${text(high!)}` : high === null ? `at least ${text(low)}` : `${text(low)} to ${text(high)}`;
   return `${text(value)} (${range}) ${unit}`.trimEnd();
 }
 

@@ -1,5 +1,5 @@
-// A layered drawing, left to right: layers from the kinds of records, crossings reduced by barycentres (Sugiyama, Tagawa
-// and Toda 1981), places across a layer by least squares with a least distance (pool adjacent violators).
+// A layered drawing, left to right: layers from the kinds of records, crossings reduced by barycentres (Sugiyama,
+// Tagawa and Toda 1981), places across a layer by least squares with a least distance (pool adjacent violators).
 import { neighbours, type Graph, type Item, type Link } from "./graph";
 
 export const NODE = { width: 126, height: 40, gap: 10, between: 24 } as const; // px at zoom 1

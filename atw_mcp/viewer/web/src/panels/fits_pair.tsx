@@ -49,7 +49,9 @@ export function Pair({ parameters }: { parameters: FittedParameter[] }) {
       </div>
       <Scatter a={a} b={b} xs={samples[i]!} ys={samples[j]!} />
       <p class="small">
-        {r === null ? "One of them does not vary." : `Correlation ${digits(r, 2)} over ${samples[i]!.length} worlds${meaning(r)}.`}
+        {r === null
+          ? "One of them does not vary."
+          : `Correlation ${digits(r, 2)} over ${samples[i]!.length} worlds${meaning(r)}.`}
       </p>
     </figure>
   );
@@ -57,7 +59,7 @@ export function Pair({ parameters }: { parameters: FittedParameter[] }) {
 
 function meaning(r: number): string {
   if (Math.abs(r) < STRONG) return "";
-  return r > 0 ? ": the data allow more of one with more of the other" : ": the data allow more of one with less of the other";
+  return `: the data allow more of one with ${r > 0 ? "more" : "less"} of the other`;
 }
 
 interface ScatterProps {

@@ -73,7 +73,13 @@ export function Chain({ doc, chosen, onChoose }: Props) {
               <li key={tool}>
                 {tool}:{" "}
                 {members.map((node) => (
-                  <button class="link" key={node.id} data-node={node.id} data-kind="evidence" onClick={() => onChoose(node.id)}>
+                  <button
+                    key={node.id}
+                    class="link"
+                    data-node={node.id}
+                    data-kind="evidence"
+                    onClick={() => onChoose(node.id)}
+                  >
                     {node.id}
                   </button>
                 ))}

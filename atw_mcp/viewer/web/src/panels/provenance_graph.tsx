@@ -181,8 +181,9 @@ function walk(event: KeyboardEvent, drawing: Drawn): void {
   const ends = drawing.links.map(({ link }) => link);
   const across = event.key === "ArrowUp" || event.key === "ArrowDown";
   const sign = event.key === "ArrowUp" ? -1 : 1;
+  const column = [...drawing.nodes.values()].filter((p) => p.layer === from.layer && sign * (p.y - from.y) > 0);
   const ids = across
-    ? [...drawing.nodes.values()].filter((p) => p.layer === from.layer && sign * (p.y - from.y) > 0).map((p) => p.item.id)
+    ? column.map((p) => p.item.id)
     : event.key === "ArrowLeft"
       ? ends.filter((l) => l.target === at).map((l) => l.source)
       : ends.filter((l) => l.source === at).map((l) => l.target);
@@ -201,7 +202,9 @@ function useReveal(frame: { current: HTMLDivElement | null }, drawing: Drawn, ch
     if (!placed || !box) return;
     const [left, top] = [placed.x * scale, (placed.y + HEAD) * scale];
     const [right, bottom] = [left + NODE.width * scale, top + NODE.height * scale];
-    if (left < box.scrollLeft || right > box.scrollLeft + box.clientWidth) box.scrollLeft = right - box.clientWidth + 16;
+    if (left < box.scrollLeft || right > box.scrollLeft + box.clientWidth) {
+      box.scrollLeft = right - box.clientWidth + 16;
+    }
     if (top < box.scrollTop + HEAD * scale || bottom > box.scrollTop + box.clientHeight) {
       box.scrollTop = (top + bottom - box.clientHeight) / 2;
     }
