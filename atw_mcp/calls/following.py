@@ -26,7 +26,7 @@ async def follow(app: App, job: RunningJob, report: Report) -> None:
         await anyio.sleep(LOOK)
         now = time.monotonic()
         if job.progress is not None:
-            done, total, message = job.progress.done, job.progress.total, job.progress.message
+            done, total, message = job.progress.done, job.progress.total, job.progress.in_words()
         elif now - looked >= LOOK_AT_STORE:
             looked = now
             record = await anyio.to_thread.run_sync(app.store.read_evidence, job.evidence)

@@ -13,6 +13,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from mcp.shared.exceptions import MCPError
 from mcp_types import INTERNAL_ERROR
 
+from atw_mcp.calls.error_curve import ErrorCurve
 from atw_mcp.calls.error_text import shortened
 from atw_mcp.calls.limits import DEFAULT, Limits
 from atw_mcp.calls.results import Answer
@@ -40,11 +41,16 @@ def _interruption() -> Interruption:
 
 @dataclass
 class Progress:
-    """How far a piece of work is. The work calls `report`, which raises `Cancelled` when it should stop."""
+    """How far a piece of work is. The work calls `report`, which raises `Cancelled` when it should stop.
+
+    curve: the error so far, of work that makes one smaller. began: when the work began, on the monotonic clock [s].
+    """
 
     done: float = 0.0
     total: float | None = None
     message: str = ""
+    curve: ErrorCurve | None = None
+    began: float = field(default_factory=time.monotonic)
     interruption: Interruption = field(default_factory=_interruption)
     _cancel: threading.Event = field(default_factory=threading.Event)
 
@@ -57,6 +63,10 @@ class Progress:
     def note(self, done: float, total: float | None = None, message: str = "") -> None:
         """Say how far the work is, for work that asks `cancelled` itself."""
         self.done, self.total, self.message = done, total, message
+
+    def in_words(self) -> str:
+        """Return what is done, and the time that is left where that can be predicted."""
+        return self.message + time_left(self.done, self.total, time.monotonic() - self.began)
 
     def cancelled(self) -> bool:
         """Whether the work should stop."""
@@ -242,14 +252,13 @@ class JobRunner:
     def _watch(self, job: RunningJob) -> None:
         progress = job.progress
         assert progress is not None
-        began = time.monotonic()
         while not job.ended.wait(BEAT):
-            job.stopped = job.stopped or self._limits.exceeded(time.monotonic() - began)
+            job.stopped = job.stopped or self._limits.exceeded(time.monotonic() - progress.began)
             if job.stopped is not None:
                 progress.cancel()
             try:
-                message = progress.message + time_left(progress.done, progress.total, time.monotonic() - began)
-                self._store.jobs.beat(job.evidence, progress.done, progress.total, message)
+                curve = None if progress.curve is None else progress.curve.to_dict()
+                self._store.jobs.beat(job.evidence, progress.done, progress.total, progress.in_words(), curve)
                 seen = self._store.jobs.get(job.evidence)
             except StoreError as error:
                 logger.warning("could not report progress of %s: %s", job.evidence, error)

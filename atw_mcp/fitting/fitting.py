@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from atw_mcp.calls.error_curve import ErrorCurve
 from atw_mcp.calls.jobs import Progress
+from atw_mcp.fitting.progress import SEARCHED, FitProgress
 from atw_mcp.fitting.verdict import FitVerdict, judge
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.world_fit import (
@@ -19,7 +21,6 @@ from polyworld.estimation.world_fit import (
     Outlying,
     PosteriorSample,
     PrefixSettings,
-    SearchProgress,
     SearchSettings,
     Shown,
     Start,
@@ -48,6 +49,13 @@ from polyworld.world.parameters import read_parameter, specification
 Method = Literal["prefixes", "cem_refined", "cem", "random_search", "refine"]
 
 
+STAGES = {
+    "released": (SEARCHED, 0.68),
+    "completed": (0.68, 0.75),
+    "alternatives": (0.75, 0.85),
+    "posterior": (0.85, 1.0),
+}
+"""Shares of the whole between which the stages after a search lie, measured as `SEARCHED` is."""
 SHARED = ("linear_damping", "angular_damping")
 
 
@@ -161,7 +169,7 @@ class FitRun:
 
     start: the world that the values refer to, which may have got a law of resistance. sample: of the posterior; None
     where the fit was cancelled or diverges. tested: laws of resistance beside friction and rolling. widened: bounds
-    that the fit widened by itself, by name.
+    that the fit widened by itself, by name. curve: the error over the steps of all stages.
     """
 
     result: FitResult
@@ -173,6 +181,7 @@ class FitRun:
     widened: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     outlying: tuple[Outlying, ...] = ()
     verdict: FitVerdict | None = None
+    curve: ErrorCurve | None = None
 
 
 def run_fit(
@@ -196,16 +205,20 @@ def run_fit(
         holdout_from=request.holdout_from,
         constraints=constraints,
     )
-    run = replace(_run_search(problem, request, progress), start=world)
+    watched = FitProgress(progress, problem, request.method)
+    run = replace(_run_search(problem, request, progress, watched), start=world, curve=watched.curve)
     if run.result.status == "cancelled":
         return _judged(problem, run)
     if request.method == "prefixes":
+        watched.stage("comparing shared with separate contact parameters", *STAGES["released"])
         problem, run = _released(problem, run, request, progress)
+        watched.stage("choosing laws of resistance by evidence", *STAGES["completed"])
         problem, run = _completed(problem, run, request, progress)
         if run.result.status == "cancelled":
             return _judged(problem, run)
+        watched.stage("searching for other minima", *STAGES["alternatives"])
         run = _with_alternatives(problem, run, request, progress)
-    progress.note(progress.done, progress.total, "sampling the posterior")
+    watched.stage("sampling the posterior", *STAGES["posterior"])
     fixed = {path for override in request.overrides if override.fixed for path in override.paths}
     names = run.result.by_name.keys()
     outcomes = [run.result, *(s.best for s in run.starts[1:] if s.best.by_name.keys() == names)]
@@ -217,7 +230,6 @@ def _with_alternatives(problem: FitProblem, run: FitRun, request: FitRequest, pr
     """Other minima that a first start which reached the noise leaves unknown, as further starts; the best first."""
     if len(run.starts) > 1:
         return run
-    progress.note(progress.done, progress.total, "searching for other minima")
     others = alternative_minima(problem, run.result, seed=request.seed, cancelled=progress.cancelled)
     starts = in_order([run.starts[0], *(Start(other) for other in others)])
     return replace(run, result=starts[0].best, starts=starts)
@@ -233,7 +245,6 @@ def _released(problem: FitProblem, run: FitRun, request: FitRequest, progress: P
     best, rest = run.starts[0], run.starts[1:]
     apart = OrdinarySettings(alike=len(problem.world.objects) + 1)
     own = chosen_parameters(problem.world, problem.window, request, apart)
-    progress.note(progress.done, progress.total, "comparing shared with separate contact parameters")
     problem, best = release_shared(problem, best, own, cancelled=progress.cancelled)
     return problem, replace(run, result=best.best, starts=(best, *rest))
 
@@ -243,7 +254,6 @@ def _completed(problem: FitProblem, run: FitRun, request: FitRequest, progress: 
     best, rest = run.starts[0], run.starts[1:]
     tested: tuple[Tested, ...] = ()
     if request.shared is None:
-        progress.note(progress.done, progress.total, "choosing laws of resistance by evidence")
         taken = {path for u in problem.space.unknowns for path in u.paths}
         taken |= {path for override in request.overrides for path in override.paths}
         laws = laws_of_resistance(problem.world, problem.window, taken)
@@ -254,25 +264,15 @@ def _completed(problem: FitProblem, run: FitRun, request: FitRequest, progress: 
     return problem, found
 
 
-def _run_search(problem: FitProblem, request: FitRequest, progress: Progress) -> FitRun:
+def _run_search(problem: FitProblem, request: FitRequest, progress: Progress, watched: FitProgress) -> FitRun:
     if request.method == "refine":
-        progress.note(progress.done, progress.total, "refining")
+        watched.stage("refining", 0.0, SEARCHED)
         return FitRun(refine(problem, cancelled=progress.cancelled))
 
     if request.method == "prefixes":
-
-        def report_start(start: int, of: int, loss: float) -> None:
-            progress.note(start - 1, of, f"loss {loss:.4g}, start {start} of at most {of}")
-
-        starts = fit_by_prefixes(
-            problem, PrefixSettings(request.restarts, request.seed), progress=report_start, cancelled=progress.cancelled
-        )
+        settings = PrefixSettings(request.restarts, request.seed)
+        starts = fit_by_prefixes(problem, settings, progress=watched.start, cancelled=progress.cancelled)
         return FitRun(starts[0].best, starts, request.seed)
-
-    def report(step: SearchProgress) -> None:
-        message = f"loss {step.loss:.4g} over {step.samples} frames, {step.rollouts} rollouts"
-        progress.note(step.done, step.total, message)
-
     elites = max(2, request.population // 4)
     search = SearchSettings(
         generations=request.generations,
@@ -281,14 +281,18 @@ def _run_search(problem: FitProblem, request: FitRequest, progress: Progress) ->
     )
     if request.method == "random_search":
         search = replace(search, generations=request.generations * request.restarts)
-        found = fit_by_random_search(problem, search, progress=report, cancelled=progress.cancelled)
+        found = fit_by_random_search(problem, search, progress=watched.generation, cancelled=progress.cancelled)
         return FitRun(found, seed=request.seed)
     # Neighbouring seeds must not repeat each other's searches.
     search = replace(search, seed=request.seed * request.restarts)
     if request.method == "cem_refined":
-        starts = multistart(problem, search, request.restarts, progress=report, cancelled=progress.cancelled)
+        starts = multistart(
+            problem, search, request.restarts, progress=watched.generation, cancelled=progress.cancelled
+        )
     else:
-        searches = restarts(problem, search, request.restarts, progress=report, cancelled=progress.cancelled)
+        searches = restarts(
+            problem, search, request.restarts, progress=watched.generation, cancelled=progress.cancelled
+        )
         starts = in_order(Start(found) for found in searches)
     stopped = any(result.status == "cancelled" for start in starts for result in start.results)
     return FitRun(replace(starts[0].best, status="cancelled" if stopped else "completed"), starts, request.seed)
@@ -318,6 +322,7 @@ def digest(run: FitRun) -> dict[str, Any]:
         }
         for start in run.starts
     ]
+    document["curve"] = None if run.curve is None else run.curve.to_dict()
     document["verdict"] = None if run.verdict is None else run.verdict.to_dict()
     document["resistance"] = [vars(tested) for tested in run.tested]
     document["widened"] = {name: list(bounds) for name, bounds in run.widened.items()}

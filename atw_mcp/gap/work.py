@@ -11,6 +11,7 @@ import numpy as np
 
 from atw_mcp.calls.jobs import Cancelled, Progress
 from atw_mcp.gap.numbers import GapNumbers, clocks_of, compared_trial, residuals_of, since_start
+from atw_mcp.gap.progress import GapProgress
 from atw_mcp.gap.unknowns import unknown_of
 from atw_mcp.gap.words import verdict_text, worth_text
 from polyworld.core import interruption
@@ -49,13 +50,16 @@ class Outcome:
 
 def examine(world: World, parts: Split, base: tuple[Unknown, ...], power: bool, progress: Progress) -> Outcome:
     """Fit what a world leaves open and look at what is left; power: also what each effect had to be to be seen."""
-    progress.report(0.0, 1.0, "fitting initial states and base parameters")
+    steps = GapProgress(progress)
+    steps.report(0.0, "fitting initial states and base parameters")
     with _interruptible():
-        trial = fitted_base(design(world, in_segments(parts.fitted, world)), base, cancelled=progress.cancelled)
-        progress.report(0.5, 1.0, "looking at what is left")
+        plan = design(world, in_segments(parts.fitted, world))
+        trial = fitted_base(plan, base, cancelled=steps.cancelled, fitted=steps.fitted)
+        steps.report(0.5, "looking at what is left")
         where = localise(trial.context.design, trial.context.noise, trial.fit, unknowns=trial.hypothesis.unknowns)
         found = {
             "explained": trial.passes,
+            "curve": steps.curve.to_dict(),
             "goodness": trial.goodness.to_json(),
             "noise": trial.context.noise.to_json(),
             "where": where.to_json(),
@@ -66,9 +70,9 @@ def examine(world: World, parts: Split, base: tuple[Unknown, ...], power: bool, 
             ],
         }
         if power:
-            progress.report(0.7, 1.0, "which effects could have been seen")
+            steps.report(0.7, "which effects could have been seen")
             found["power"] = [row.to_json() for row in power_check(trial)]
-        progress.report(0.9, 1.0, "velocity jumps between segments of the runs")
+        steps.report(0.9, "velocity jumps between segments of the runs")
         seen, clocks = compared_trial(trial), clocks_of(parts)
         jumps = since_start(segment_jumps(trial), clocks)
         numbers = GapNumbers(residuals_of(trial, seen, None, clocks), jumps)
@@ -86,7 +90,8 @@ def propose(
 ) -> Outcome:
     """Search for what is missing; sealed data are looked at once the verdict stands, which they can only lower."""
     recording = parts.fitted
-    steps = _Steps(progress)
+    steps = GapProgress(progress)
+    steps.report(0.0, "base fit")
     with _interruptible():
         report = find_gap(
             world,
@@ -97,12 +102,14 @@ def propose(
             candidates=candidates,
             settings=settings,
             progress=steps.report,
+            fitted=steps.fitted,
             cancelled=steps.cancelled,
         )
     summary = report.to_dict()
     best = report.verdict.best
     cut = report.context.design.recording
     chosen = report.verdict.credible or ((best,) if best is not None else ())
+    summary["curve"] = steps.curve.to_dict()
     summary["base_world"] = _fitted_world(report.base, world).model_dump(mode="json")
     summary["proposals"] = [
         {
@@ -118,24 +125,6 @@ def propose(
     after = None if best is None else compared_trial(best)
     numbers = GapNumbers(residuals_of(report.base, compared_trial(report.base), after, clocks_of(parts)))
     return Outcome(verdict_text(summary), finite(summary), numbers=numbers)
-
-
-class _Steps:
-    """Progress of a search: its step, and how many batches of simulations have been asked for."""
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress, self._share, self._step, self._batches = progress, 0.0, "base fit", 0
-
-    def report(self, share: float, step: str) -> None:
-        """Report a step that is done."""
-        self._share, self._step = share, step
-        self._progress.report(share, 1.0, step)
-
-    def cancelled(self) -> bool:
-        """Return whether to stop; asked before each batch, which is reported too: a step may take many seconds."""
-        self._batches += 1
-        self._progress.note(self._share, 1.0, f"{self._step}; {self._batches} batches of simulations")
-        return self._progress.cancelled()
 
 
 def _fitted_world(trial: FittedHypothesis, world: World) -> World:
@@ -192,11 +181,13 @@ def fitted_effect(
     )
     variant = Variant(child, unknowns, ({u.name: u.start for u in unknowns},))
     law = "an expression" if effect.kind == "expression" else effect.kind
+    steps = GapProgress(progress)
     own = Candidate(effect.name, "force", law, "", "", lambda *_: (variant,))
     with _interruptible():
-        progress.report(0.0, 1.0, "fitting the world without the effect")
-        ground = fitted_base(design(world, in_segments(recording, world)), base, cancelled=progress.cancelled)
-        progress.report(0.4, 1.0, "fitting it with the effect")
+        steps.report(0.0, "fitting the world without the effect")
+        plan = design(world, in_segments(recording, world))
+        ground = fitted_base(plan, base, cancelled=steps.cancelled, fitted=steps.fitted)
+        steps.report(0.4, "fitting it with the effect")
         hypothesis = Hypothesis(child, base, (Part(own, variant),))
         start = np.concatenate([ground.values, [u.start for u in unknowns]])
         fitted = with_refined_noise(ground.context.fit(hypothesis, start, ground.fit.states))

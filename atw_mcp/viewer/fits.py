@@ -67,7 +67,7 @@ def _fitted(
         world=data.get("world"),
         summary=record.summary,
         parameters=parameters,
-        curve=_curve(data.get("history", [])),
+        curve=Curve.model_validate(data["curve"]) if data.get("curve") else _curve(data.get("history", [])),
     )
 
 
@@ -197,8 +197,8 @@ def _notes(undetermined: list[Mapping[str, Any]]) -> dict[str, str]:
 def _curve(history: list[Mapping[str, Any]]) -> Curve | None:
     """Return the losses of all searches one after another, with an empty step between two, so that no line joins them.
 
-    A loss is the mean square deviation from the observations, in their variances, over the samples that the search had
-    come to, so it may rise where it goes on to more of them.
+    They are all that fits of earlier versions kept. A loss is the mean square deviation from the observations, in their
+    variances, over the samples that the search had come to, so it may rise where it goes on to more of them.
     """
     steps: list[float] = []
     current: list[float | None] = []

@@ -115,6 +115,9 @@ class FittedHypothesis:
         }
 
 
+Fitted = Callable[[FittedHypothesis], None]
+
+
 class NuisanceProjection:
     """Projection off what is fitted, nuisance parameters: the initial states of each run, then the shared unknowns.
 
@@ -152,13 +155,14 @@ class FitContext:
     """A design, its noise as estimated so far, and the forward models of the hypotheses tried on it.
 
     candidates: how many effects were to choose from. cancelled: asked between batches; where it says so
-    `InterruptedError` is raised.
+    `InterruptedError` is raised. fitted: called with each fit.
     """
 
     design: Design
     noise: Noise
     candidates: int
     cancelled: Callable[[], bool] | None = None
+    fitted: Fitted | None = None
     _forwards: dict[int, tuple[Hypothesis, Forward]] = field(default_factory=dict, repr=False)
 
     @property
@@ -212,7 +216,10 @@ class FitContext:
             iterations=iterations,
             target=target,
         )
-        return FittedHypothesis(hypothesis, found, self)
+        trial = FittedHypothesis(hypothesis, found, self)
+        if self.fitted is not None:
+            self.fitted(trial)
+        return trial
 
     def nearest(self, hypothesis: Hypothesis, options: Sequence[Start]) -> Start:
         """Return the start of a hypothesis at which chi2 is least; the first where none is finite."""

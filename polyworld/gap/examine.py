@@ -8,7 +8,7 @@ import numpy as np
 
 from polyworld.estimation import profile
 from polyworld.estimation.design import Design
-from polyworld.estimation.fit_context import FitContext, FittedHypothesis
+from polyworld.estimation.fit_context import FitContext, Fitted, FittedHypothesis
 from polyworld.estimation.hypothesis import Hypothesis
 from polyworld.estimation.noise import Noise, measured_noise, refined_noise
 from polyworld.estimation.refitting import refit_every_run, refit_ill_runs
@@ -21,14 +21,18 @@ BASE = BaseSettings()
 
 
 def fitted_base(
-    plan: Design, base: Sequence[Unknown], candidates: int = 1, cancelled: Callable[[], bool] | None = None
+    plan: Design,
+    base: Sequence[Unknown],
+    candidates: int = 1,
+    cancelled: Callable[[], bool] | None = None,
+    fitted: Fitted | None = None,
 ) -> FittedHypothesis:
     """Fit initial states and base unknowns over growing horizons, refining the noise by what is left.
 
     candidates: how many effects a search will choose from. cancelled: asked between batches; where it says so
-    `InterruptedError` is raised.
+    `InterruptedError` is raised. fitted: called with each fit, also of those that go on in the context of this one.
     """
-    context = FitContext(plan, measured_noise(plan), candidates, cancelled)
+    context = FitContext(plan, measured_noise(plan), candidates, cancelled, fitted)
     nothing = Hypothesis(plan.world, tuple(base))
     starts = np.array([u.start for u in base])
     states = profile.start_states(plan)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
 from polyworld.estimation.candidate import Candidate
-from polyworld.estimation.fit_context import FittedHypothesis
+from polyworld.estimation.fit_context import Fitted, FittedHypothesis
 from polyworld.estimation.intervals import intervals95
 from polyworld.estimation.run_segments import of_whole_runs
 from polyworld.estimation.unknown import Unknown
@@ -82,6 +82,7 @@ def find_gap(
     candidates: Sequence[Candidate] | None = None,
     settings: GapSettings | None = None,
     progress: Callable[[float, str], None] | None = None,
+    fitted: Fitted | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> GapReport:
     """Find what a world lacks to explain a recording.
@@ -89,11 +90,11 @@ def find_gap(
     base: unknowns that are fitted in every hypothesis. candidates: effects to choose from, default the whole
     catalogue. held_out: data that no step sees before the verdict, which they can only lower. held_out_world: gives a
     world as it is where these begin, if that is later than where the fitted runs do. progress: called with the share
-    done (0 to 1) and the step. cancelled: asked between batches; where it is true `InterruptedError` is raised. Raises
-    ValueError where the recording does not fit the world.
+    done (0 to 1) and the step. fitted: called with each fit to these data. cancelled: asked between batches; where it
+    is true `InterruptedError` is raised. Raises ValueError where the recording does not fit the world.
     """
     settings = settings or GapSettings()
-    clock, story = Clock(settings.time_limit, cancelled), Story(progress)
+    clock, story = Clock(settings.time_limit, cancelled), Story(progress, fitted)
     work = Work(
         world,
         tuple(base),

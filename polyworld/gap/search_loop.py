@@ -15,7 +15,7 @@ import numpy as np
 from polyworld.estimation import profile
 from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.design import Design, design
-from polyworld.estimation.fit_context import FINEST, FitContext, FittedHypothesis, refined
+from polyworld.estimation.fit_context import FINEST, FitContext, Fitted, FittedHypothesis, refined
 from polyworld.estimation.hypothesis import extended
 from polyworld.estimation.noise import refined_noise
 from polyworld.estimation.run_segments import split_runs
@@ -36,11 +36,12 @@ PLAINLY = 2  # effects that are added without asking what they are predicted to 
 
 
 class Story:
-    """Collect the steps of a search and report each as it happens."""
+    """Collect the steps of a search and report each as it happens; fitted: is called with each fit."""
 
-    def __init__(self, progress: Callable[[float, str], None] | None) -> None:
+    def __init__(self, progress: Callable[[float, str], None] | None, fitted: Fitted | None = None) -> None:
         self.steps: list[dict[str, Any]] = []
         self.share = 0.0
+        self.fitted = fitted
         self._progress = progress
 
     def report(self, share: float, step: str, figures: dict[str, Any]) -> None:
@@ -93,7 +94,7 @@ def search_effects(
     outliers: asked, where plain laws and then single effects were fitted and none explains the data, which runs behave
     unlike the rest under the best of them; where there are any, the search ends there, and is to be repeated without.
     """
-    ground = _finer(fitted_base(plan, base, len(candidates), clock), substep, settings.near)
+    ground = _finer(fitted_base(plan, base, len(candidates), clock, story.fitted), substep, settings.near)
     story.report(
         0.1,
         "base fit",

@@ -13,7 +13,7 @@ from polyworld.estimation.world_fit.outlying import Outlying, outlying_frames
 from polyworld.estimation.world_fit.plausible import plausible_unknowns
 from polyworld.estimation.world_fit.posterior import PosteriorSample, sample_posterior
 from polyworld.estimation.world_fit.prefixes import fit_by_prefixes
-from polyworld.estimation.world_fit.problem import FitProblem
+from polyworld.estimation.world_fit.problem import DescentStep, FitProblem
 from polyworld.estimation.world_fit.refine import refine
 from polyworld.estimation.world_fit.release import release_shared
 from polyworld.estimation.world_fit.resistance import Tested, choose_resistance, laws_of_resistance
@@ -32,6 +32,7 @@ from polyworld.estimation.world_fit.support_constraints import support_constrain
 __all__ = [
     "Accuracy",
     "CemSettings",
+    "DescentStep",
     "FitProblem",
     "FitResult",
     "FittedValue",

@@ -44,6 +44,18 @@ class ObjectiveSettings:
             raise ValueError(f"huber must be > 0, got {self.huber}")
 
 
+@dataclass(frozen=True)
+class Judged:
+    """How far each of W worlds is from what was observed.
+
+    losses (W,): what a fit minimises. errors (W,): root mean square distance of positions [m], or where none is
+    observed the root of the loss, in standard deviations; NaN for diverged and truncated worlds.
+    """
+
+    losses: Array
+    errors: Array
+
+
 class Objective:
     """Loss of batches of rollouts of one world against one track record, its shapes included.
 
@@ -87,32 +99,48 @@ class Objective:
 
         Diverged and truncated worlds get `DIVERGED` times the share of the horizon they did not reach, plus `DIVERGED`.
         """
+        return self.judged(batch).losses
+
+    @property
+    def error_unit(self) -> str:
+        """Unit of `Judged.errors`: "m" where positions are observed, else "sigma", standard deviations."""
+        return "m" if len(self.entries[0].sample) else "sigma"
+
+    def judged(self, batch: BatchTrajectory) -> Judged:
+        """Return the losses as `losses` does, and the errors that a person reads beside them."""
         weight = self.weight(batch.positions.shape[1])
         if weight == 0.0:
             raise ValueError("nothing was observed within the horizon")
         total = np.zeros(batch.positions.shape[0])
-        for residual, confidence in self._standardised(batch):
-            total += huber(np.linalg.norm(residual, axis=-1), self.settings.huber) @ confidence
+        errors = None
+        for residual, confidence, sigma in self._standardised(batch):
+            size = np.linalg.norm(residual, axis=-1)
+            total += huber(size, self.settings.huber) @ confidence
+            if errors is None and self.error_unit == "m":  # positions come first
+                errors = np.sqrt(np.mean((size * sigma) ** 2, axis=1))
         losses: Array = total / weight
+        if errors is None:
+            errors = np.sqrt(losses)
         broken = batch.stopped | ~np.isfinite(losses)
         if broken.any():
             end = max(float(batch.times[:, -1].max()), 1e-12)
             reached = np.nan_to_num(batch.end_times()[broken], nan=0.0) / end
             losses[broken] = DIVERGED * (2.0 - np.clip(reached, 0.0, 1.0))
-        return losses
+            errors[broken] = np.nan
+        return Judged(losses, errors)
 
     def residuals(self, batch: BatchTrajectory) -> Array:
         """Weighted standardised residuals (W, r): sqrt(c) times every component; NaN for diverged and truncated worlds.
 
         Their sum of squares is the least-squares (not Huber) form of the loss times its normaliser.
         """
-        parts = [_flat(residual * np.sqrt(weight)[:, None]) for residual, weight in self._standardised(batch)]
+        parts = [_flat(residual * np.sqrt(weight)[:, None]) for residual, weight, _ in self._standardised(batch)]
         return np.where(batch.stopped[:, None], np.nan, np.concatenate(parts, axis=1))
 
     def huber_weights(self, batch: BatchTrajectory) -> Array:
         """Return weights (W, r) min(1, k / r) by which iterated least squares reproduces Huber's loss."""
         parts = []
-        for residual, _ in self._standardised(batch):
+        for residual, _, _ in self._standardised(batch):
             size = np.linalg.norm(residual, axis=-1, keepdims=True)
             parts.append(_flat(np.broadcast_to(self.settings.huber / np.maximum(size, 1e-300), residual.shape)))
         return np.minimum(1.0, np.concatenate(parts, axis=1))
@@ -129,11 +157,12 @@ class Objective:
             offset += places.size
         return found
 
-    def _standardised(self, batch: BatchTrajectory) -> list[tuple[Array, Array]]:
+    def _standardised(self, batch: BatchTrajectory) -> list[tuple[Array, Array, Array]]:
         if batch.names != self.world.moving_names:
             raise ValueError(f"the rollouts hold {batch.names}, the world {self.world.moving_names}")
         samples = batch.positions.shape[1]
-        return [(e.standardised(batch), e.weight[: e.before(samples)]) for e in self.entries if e.before(samples)]
+        counted = [(e, e.before(samples)) for e in self.entries]
+        return [(e.standardised(batch), e.weight[:count], e.sigma[:count]) for e, count in counted if count]
 
 
 def _flat(values: Array) -> Array:

@@ -29,12 +29,13 @@ def fit_by_prefixes(
     problem: FitProblem,
     settings: PrefixSettings | None = None,
     *,
-    progress: Callable[[int, int, float], None] | None = None,
+    progress: Callable[[int, int, int, int], None] | None = None,
     cancelled: Cancelled | None = None,
 ) -> tuple[Start, ...]:
     """Fit from each start over growing stretches; the starts that were not abandoned in order of their best loss.
 
-    progress: start, starts, loss so far. A cancelled fit returns what was reached, with status `cancelled`.
+    progress: called as a stretch begins, with start, starts at most, stretch, stretches. A cancelled fit returns what
+    was reached, with status `cancelled`.
     """
     settings = settings or PrefixSettings()
     rng = np.random.default_rng([settings.seed, 0x9F])
@@ -55,6 +56,8 @@ def fit_by_prefixes(
         history: list[LossPoint] = []
         behind = False
         for stage, (samples, iterations) in enumerate(zip(stages, settings.iterations, strict=True)):
+            if progress is not None:
+                progress(number + 1, most, stage + 1, len(stages))
             if number and stage == 1:  # the first stretch shows all but the distance; what follows may hang on it
                 at = at + settings.distance * rng.standard_normal(len(lines)) @ lines
                 at = np.clip(at, space.lower, space.upper)
@@ -68,8 +71,6 @@ def fit_by_prefixes(
                 cancelled=cancelled,
             )
             history += points
-            if progress is not None:
-                progress(number + 1, most, history[-1].best if history else float("nan"))
             if status == "cancelled":
                 break
             loss = float(problem.losses(at[None], samples)[0])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.accuracy import Accuracy, errors
 from polyworld.estimation.world_fit.determinable import reasons_undeterminable
-from polyworld.estimation.world_fit.objective import DIVERGED, Objective, ObjectiveSettings
+from polyworld.estimation.world_fit.objective import DIVERGED, Judged, Objective, ObjectiveSettings
 from polyworld.estimation.world_fit.observed import observed_entries, sample_times
 from polyworld.estimation.world_fit.result import FitResult, FittedValue, LossPoint, Method, Status, Undetermined
 from polyworld.estimation.world_fit.search_space import SearchSpace
@@ -27,6 +28,7 @@ from polyworld.world.materials import PLANAR, material_of
 from polyworld.world.parameters import specification, with_parameters
 
 Array = NDArray[np.float64]
+Measured = TypeVar("Measured")
 
 MOST_BYTES = 500_000_000  # of the motion that one batch of rollouts keeps
 BYTES_OF_BODY, BYTES_OF_POINT = 104, 48  # pose and rates, and position and velocity, of one sample
@@ -38,11 +40,29 @@ class MakeSimulator(Protocol):
     def __call__(self, world: World, sample_times: Array, *, n_worlds: int) -> Simulator: ...
 
 
+@dataclass(frozen=True)
+class DescentStep:
+    """Where a descent by least squares stands after an iteration.
+
+    number: of the iteration, from 1; `of` are made at most. samples: sample times compared. error: of the iteration's
+    best trial, best_error: of the best so far, in `Objective.error_unit`; best_loss: the loss there.
+    """
+
+    number: int
+    of: int
+    samples: int
+    error: float
+    best_error: float
+    best_loss: float
+
+
 class FitProblem:
     """World, tracks and unknowns, checked: candidates in search coordinates in, losses or residuals out.
 
-    window: the fitted frames. rollouts: simulated since `begin`.
+    window: the fitted frames. rollouts: simulated since `begin`. watch: called after each iteration of least squares.
     """
+
+    watch: Callable[[DescentStep], None] | None = None
 
     def __init__(
         self,
@@ -75,7 +95,7 @@ class FitProblem:
 
     def with_unknowns(self, unknowns: Sequence[Unknown], world: World) -> FitProblem:
         """Return the same problem with other unknowns, in `world`, which may have more effects."""
-        return FitProblem(
+        other = FitProblem(
             world,
             self.tracks,
             unknowns,
@@ -84,6 +104,8 @@ class FitProblem:
             constraints=self.space.constraints,
             make_simulator=self._make_simulator,
         )
+        other.watch = self.watch
+        return other
 
     @property
     def samples(self) -> int:
@@ -101,10 +123,15 @@ class FitProblem:
         With the prior: D + R, where R is the sum of squared prior residuals over the same normaliser as the data's, so
         that the minimum is the most probable value.
         """
+        return self.judged(candidates, samples).losses
+
+    def judged(self, candidates: Array, samples: int) -> Judged:
+        """Return the losses as `losses` does, and the errors that a person reads beside them."""
         prior = (self.space.prior_residuals(candidates) ** 2).sum(axis=1)
-        losses = self._over(candidates, samples, self.objective.losses)
-        total: Array = losses + prior / self.objective.weight(samples)
-        return total
+        parts = self._over(candidates, samples, self.objective.judged)
+        losses = np.concatenate([part.losses for part in parts])
+        errors = np.concatenate([part.errors for part in parts])
+        return Judged(losses + prior / self.objective.weight(samples), errors)
 
     def loss(self, at: Array) -> float:
         """Return the loss of one candidate (P,) over the full horizon."""
@@ -115,12 +142,12 @@ class FitProblem:
 
         samples: over the first of them; default all.
         """
-        data = self._over(candidates, samples or self.samples, self.objective.residuals)
+        data = np.concatenate(self._over(candidates, samples or self.samples, self.objective.residuals))
         return np.concatenate([data, self.space.prior_residuals(candidates)], axis=1)
 
     def huber_weights(self, at: Array, samples: int | None = None) -> Array:
         """Return weights (r,) of iterated least squares at one candidate (P,), 1 for the prior's residuals."""
-        data = self._over(at[None], samples or self.samples, self.objective.huber_weights)[0]
+        (data,) = self._over(at[None], samples or self.samples, self.objective.huber_weights)[0]
         return np.concatenate([data, np.ones(self.space.prior_residuals(at[None]).shape[1])])
 
     def difference_quotients(
@@ -142,9 +169,10 @@ class FitProblem:
         jacobian[:, columns] = (residuals[:count] - residuals[count:]).T / (up - down)[columns]
         return np.where(np.isfinite(jacobian), jacobian, 0.0)
 
-    def _over(self, candidates: Array, samples: int, measure: Callable[[BatchTrajectory], Array]) -> Array:
+    def _over(self, candidates: Array, samples: int, measure: Callable[[BatchTrajectory], Measured]) -> list[Measured]:
+        """Measure candidates (N, P) in batches of as many as may be kept."""
         most = most_worlds(self.world, self.objective.sample_times)
-        parts: list[Array] = []
+        parts: list[Measured] = []
         for first in range(0, len(candidates), most):
             part = candidates[first : first + most]
             if len(part) not in self._simulators:
@@ -153,7 +181,7 @@ class FitProblem:
             batch = self._simulators[len(part)].run(self.space.overrides(part), samples=samples)
             parts.append(measure(batch))
             self.rollouts += len(part)
-        return np.concatenate(parts)
+        return parts
 
     def finish(
         self, method: Method, status: Status, at: Array, spread: Array | None, history: Sequence[LossPoint], seed: int

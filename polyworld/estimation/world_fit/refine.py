@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.world_fit.problem import FitProblem
+from polyworld.estimation.world_fit.problem import DescentStep, FitProblem
 from polyworld.estimation.world_fit.result import FitResult, LossPoint, Status
 from polyworld.estimation.world_fit.search import Cancelled
 
@@ -58,7 +58,8 @@ def descend(
     """
     space = problem.space
     entered = space.entered(float(problem.objective.sample_times[samples - 1]))
-    loss = float(problem.losses(at[None], samples)[0])
+    judged = problem.judged(at[None], samples)
+    loss, error = float(judged.losses[0]), float(judged.errors[0])
     damping, span = 1e-2, 0
     history: list[LossPoint] = []
     status: Status = "completed"
@@ -79,13 +80,16 @@ def descend(
             matrix = hessian[np.ix_(free, free)] + np.diag(damping * factor * scale)
             candidates[row, free] -= np.linalg.solve(matrix, gradient[free]) * space.width[free]
         candidates = np.clip(candidates, space.lower, space.upper)
-        losses = problem.losses(candidates, samples)
+        judged = problem.judged(candidates, samples)
+        losses = judged.losses
         best = int(np.argmin(losses))
         history.append(LossPoint(iteration, 0, samples, float(losses[best]), float(np.median(losses))))
         gain = (loss - losses[best]) / loss if loss > 0.0 else 0.0
         if losses[best] < loss:
-            at, loss = candidates[best], float(losses[best])
+            at, loss, error = candidates[best], float(losses[best]), float(judged.errors[best])
             damping = float(np.clip(damping * TRIALS[best], 1e-9, 1e6))
+        if problem.watch is not None:
+            problem.watch(DescentStep(iteration + 1, iterations, samples, float(judged.errors[best]), error, loss))
         span = span + 1 if gain < tolerance else 0
         if span == len(SPANS) or (span and loss <= enough):
             break

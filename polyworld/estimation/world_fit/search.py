@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.world_fit import cem
 from polyworld.estimation.world_fit.cem import CemSettings, CemState, Evaluate
+from polyworld.estimation.world_fit.objective import Judged
 from polyworld.estimation.world_fit.problem import FitProblem
 from polyworld.estimation.world_fit.result import FitResult, LossPoint, Method, Status
 
@@ -42,7 +42,11 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class SearchProgress:
-    """Where a search stands after a generation."""
+    """Where a search stands after a generation.
+
+    samples: sample times compared, of `of_samples`. loss, best_error: of the best candidate so far; error: of the
+    generation's candidate in the middle of its elite. Errors are in `Objective.error_unit`.
+    """
 
     done: int
     total: int
@@ -50,6 +54,9 @@ class SearchProgress:
     loss: float
     rollouts: int
     state: CemState
+    of_samples: int
+    error: float
+    best_error: float
 
 
 Progress = Callable[[SearchProgress], None]
@@ -154,16 +161,39 @@ def _search(
     state = CemState.start(space.mean, space.sd, settings.seed)
     history: list[LossPoint] = []
     status: Status = "completed"
+    best_error = float("nan")
     for index in range(len(schedule)):
         if cancelled is not None and cancelled():
             status = "cancelled"
             break
         samples = schedule[index]
-        state = step(state, partial(problem.losses, samples=samples))
+        judged = Judged(np.zeros(0), np.zeros(0))
+
+        def evaluate(candidates: Array, samples: int = samples) -> Array:
+            nonlocal judged
+            judged = problem.judged(candidates, samples)
+            return judged.losses
+
+        state = step(state, evaluate)
+        order = np.argsort(judged.losses, kind="stable")
+        if judged.losses[order[0]] == state.elite_losses[0]:  # else the best is of an earlier generation
+            best_error = float(judged.errors[order[0]])
         best = float(state.elite_losses[0])
         history.append(LossPoint(index, 0, samples, best, float(np.median(state.elite_losses))))
         if progress is not None:
-            progress(SearchProgress(index + 1, len(schedule), samples, best, problem.rollouts, state))
+            progress(
+                SearchProgress(
+                    index + 1,
+                    len(schedule),
+                    samples,
+                    best,
+                    problem.rollouts,
+                    state,
+                    problem.samples,
+                    float(judged.errors[order[len(state.elite) // 2]]),
+                    best_error,
+                )
+            )
     # The search may have been cut short on a shorter horizon: judge its outcomes on the full one.
     contenders = np.concatenate([state.elite[:1], np.clip(state.mean, space.lower, space.upper)[None]])
     at = contenders[int(np.argmin(problem.losses(contenders, problem.samples)))]

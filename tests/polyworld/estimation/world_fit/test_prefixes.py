@@ -81,7 +81,7 @@ def test_a_clip_of_few_frames_is_fitted_as_a_whole() -> None:
 def test_progress_counts_starts() -> None:
     seen: list[tuple[int, int]] = []
     fit_by_prefixes(
-        spinning(SPIN - 14.0), PrefixSettings(2, seed=9), progress=lambda start, of, _: seen.append((start, of))
+        spinning(SPIN - 14.0), PrefixSettings(2, seed=9), progress=lambda start, of, *_: seen.append((start, of))
     )
     assert set(seen) <= {(1, 2), (2, 2)}
     assert seen == sorted(seen)
