@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 import textwrap
-import time
 from pathlib import Path
 
 from atw_mcp.replies import Reply, save_pictures
@@ -29,25 +29,21 @@ def print_reply(reply: Reply, *, indent: bool, pictures: Path) -> None:
 
 
 class ProgressLine:
-    """Progress on stderr: one line that changes on a terminal, a new line every few seconds elsewhere."""
-
-    QUIET = 5.0  # [s] between lines where lines cannot be replaced
+    """Progress on stderr: one line that is rewritten in place; nothing where stderr is no terminal."""
 
     def __init__(self) -> None:
-        self._last = time.monotonic()
         self._width = 0
 
     def show(self, done: float, total: float | None, message: str) -> None:
-        """Show how far the work is."""
+        """Show how far the work is, as far as it fits the width of the terminal."""
+        if not sys.stderr.isatty():
+            return
         share = f"{100 * done / total:3.0f} % " if total else ""
-        line = f"  {share}{message}".rstrip()
-        if sys.stderr.isatty():
-            sys.stderr.write("\r" + line[:100].ljust(self._width))
-            sys.stderr.flush()
-            self._width = min(len(line), 100)
-        elif time.monotonic() - self._last >= self.QUIET:
-            print(line, file=sys.stderr, flush=True)
-            self._last = time.monotonic()
+        width = shutil.get_terminal_size().columns - 1  # a character in the last column would begin a new line
+        line = f"  {share}{message}".rstrip()[:width]
+        sys.stderr.write("\r" + line.ljust(min(self._width, width)))
+        sys.stderr.flush()
+        self._width = len(line)
 
     def clear(self) -> None:
         """Remove the line."""
