@@ -5,17 +5,16 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from mcp.server import MCPServer
-from mcp.server.mcpserver.exceptions import ResourceError, ResourceNotFoundError, ToolError
+from mcp.server.mcpserver.exceptions import ResourceNotFoundError
 
 from atw_mcp.calls.app import App
+from atw_mcp.calls.resource_errors import explaining
 from atw_mcp.calls.results import plain
 from atw_mcp.calls.schemas import inlined
-from evidence_store import Evidence, StoreError, UnknownRecord
+from evidence_store import Evidence
 
 if TYPE_CHECKING:
     from evidence_store import Case
@@ -43,7 +42,7 @@ def image_type(content: bytes) -> str:
 def _register_records(server: MCPServer[Any], app: App) -> None:
     @server.resource("atw://cases", title="Cases", description="every case of the store", mime_type=JSON)
     def cases() -> str:
-        with _explained():
+        with explaining():
             rows = [_case_line(app, case) for case in app.store.cases.all()]
             return _json({"cases": rows, "damaged": app.store.cases.damaged()})
 
@@ -54,7 +53,7 @@ def _register_records(server: MCPServer[Any], app: App) -> None:
         mime_type=JSON,
     )
     def one_case(case: str) -> str:
-        with _explained():
+        with explaining():
             found = app.store.cases.get(case)
             store = app.store.cases
             return _json(
@@ -75,7 +74,7 @@ def _register_records(server: MCPServer[Any], app: App) -> None:
 
     @server.resource("atw://worlds/{world}", title="A world", description="its whole description", mime_type=JSON)
     def world_document(world: str) -> str:
-        with _explained():
+        with explaining():
             return app.store.worlds.document(world)
 
     @server.resource(
@@ -106,7 +105,7 @@ def _register_rollouts(server: MCPServer[Any], app: App) -> None:
     def read(rollout: str) -> tuple[Case, World, Rollout]:
         from atw_mcp.worlds.rollouts import stored_rollout  # the engine
 
-        with _explained():
+        with explaining():
             return stored_rollout(app, rollout)
 
     @server.resource(
@@ -184,7 +183,7 @@ def _register_pictures(server: MCPServer[Any], app: App) -> None:
         mime_type="image/jpeg",
     )
     def frame_picture(case: str, frame: str) -> bytes:
-        with _explained():
+        with explaining():
             found = app.store.cases.get(case)
         if found.kind != "video":
             raise ResourceNotFoundError(f"case {case!r} has no video")
@@ -193,7 +192,7 @@ def _register_pictures(server: MCPServer[Any], app: App) -> None:
         from atw_mcp.looking.overlay import encoded  # OpenCV
         from atw_mcp.perception.video import read_frames
 
-        with _explained():
+        with explaining():
             image = read_frames(app.files.file(found.path), [int(frame)])[0]
         return next(iter(encoded({f"frame {frame}": image}).values()))
 
@@ -237,7 +236,7 @@ def _case_line(app: App, case: Case) -> dict[str, Any]:
 
 
 def _record(app: App, identifier: str) -> Evidence:
-    with _explained():
+    with explaining():
         return app.store.read_evidence(identifier)
 
 
@@ -259,14 +258,3 @@ def _table(world: World, result: Rollout, names: tuple[str, ...]) -> str:
 
 def _json(value: Any) -> str:
     return json.dumps(plain(value), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-
-
-@contextmanager
-def _explained() -> Iterator[None]:
-    """Turn refusals into errors of resources that say what is wrong."""
-    try:
-        yield
-    except (UnknownRecord, ToolError) as error:
-        raise ResourceNotFoundError(str(error)) from error
-    except (StoreError, ValueError) as error:
-        raise ResourceError(str(error)) from error

@@ -64,6 +64,7 @@ from atw_mcp.calls.toolbox import ToolGroup, WorldTool
 from atw_mcp.calls.toolsets import ALL, Selection, instructions
 from atw_mcp.calls.version import installed_version
 from atw_mcp.tools import manifest
+from atw_mcp.viewer import in_parts
 
 GROUPS: tuple[ToolGroup, ...] = ()
 """Tools that are served beside those of the manifest: tests add theirs."""
@@ -157,6 +158,7 @@ def build_server(
     )
     server.world_app = app
     resources.register(server, app)
+    in_parts.register(server, app)
     completions.register(server, app)
     watching.register(server, app)
     add_prompts(server)

@@ -15,6 +15,7 @@ from typing import Any, Literal
 import uvicorn
 from mcp import Client, StdioServerParameters
 from mcp.server import MCPServer
+from starlette.types import ASGIApp
 
 from atw_mcp.server import build_server
 from atw_mcp.serving import http_app
@@ -49,10 +50,17 @@ def stdio_parameters(store: Path, *options: str) -> StdioServerParameters:
 @contextmanager
 def served_over_http(server: MCPServer[Any], *, legacy_only: bool = False) -> Iterator[str]:
     """The server on a free loopback port; yields its address."""
+    with on_loopback(http_app(server, legacy_only=legacy_only)) as url:
+        yield f"{url}/mcp"
+
+
+@contextmanager
+def on_loopback(app: ASGIApp) -> Iterator[str]:
+    """An application on a free loopback port; yields the address of its root, without a slash."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    config = uvicorn.Config(http_app(server, legacy_only=legacy_only), host="127.0.0.1", port=port, log_level="error")
+    config = uvicorn.Config(app, host="127.0.0.1", port=port, log_level="error")
     running = uvicorn.Server(config)
     thread = threading.Thread(target=running.run, daemon=True)
     thread.start()
@@ -62,7 +70,7 @@ def served_over_http(server: MCPServer[Any], *, legacy_only: bool = False) -> It
             raise TimeoutError("the HTTP server did not start")
         time.sleep(0.02)
     try:
-        yield f"http://127.0.0.1:{port}/mcp"
+        yield f"http://127.0.0.1:{port}"
     finally:
         running.should_exit = True
         thread.join(10)

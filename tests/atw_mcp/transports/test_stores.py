@@ -14,6 +14,7 @@ import httpx2
 import pytest
 from mcp import Client
 from mcp.client.streamable_http import streamable_http_client
+from mcp.shared.exceptions import MCPError
 
 from atw_mcp import server
 from atw_mcp.transports.limits import HTTP_LIMITS
@@ -67,6 +68,9 @@ def test_sessions_without_a_token_are_separate_and_named_stores_shared(tmp_path:
             await opened(first, data, "mine")
             assert await cases(first) == ["mine"]
             assert await cases(second) == []
+            assert (await first.read_resource("atw://view/mine")).contents
+            with pytest.raises(MCPError, match="no case 'mine'"):
+                await second.read_resource("atw://view/mine")
             third, fourth = [await stack.enter_async_context(connect(f"{url}/lab", mode)) for _ in range(2)]
             assert third.protocol_version == ("2026-07-28" if mode == "auto" else "2025-11-25")
             await opened(third, data, "ours")

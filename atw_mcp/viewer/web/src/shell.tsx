@@ -1,6 +1,6 @@
 // The page: the case, the film beside the scene, time, and one of several panels below.
 import type { ComponentType } from "preact";
-import { document, failure, layout, tab, type Tab } from "./state";
+import { document, failure, layout, progress, tab, type Tab } from "./state";
 import type { ViewDocument } from "./document";
 import { Choosers } from "./panels/choosers";
 import { Comparison } from "./panels/comparison";
@@ -8,6 +8,7 @@ import { Evidence } from "./panels/evidence";
 import { Film } from "./panels/film";
 import { Fits } from "./panels/fits";
 import { Gap } from "./panels/gap";
+import { HostBar } from "./panels/hostbar";
 import { Head } from "./panels/head";
 import { Help } from "./panels/help";
 import { Notices } from "./panels/notices";
@@ -40,13 +41,14 @@ export function Shell() {
   if (!doc)
     return (
       <p class="empty" aria-busy="true">
-        Loading …
+        {progress.value}
       </p>
     );
   const film = doc.film !== null || doc.observed !== null;
   const scene = doc.worlds.length > 0;
   return (
     <main class="shell">
+      <HostBar />
       <div class="top">
         <Head />
         <Notices />

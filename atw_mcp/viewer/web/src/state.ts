@@ -10,6 +10,8 @@ export type Tab = "series" | "comparison" | "gap" | "fits" | "provenance" | "evi
 export const opened = signal<Opened | null>(null);
 /** Why there is nothing to show; "" while loading. */
 export const failure = signal("");
+/** What is waited for while there is no document. */
+export const progress = signal("Loading …");
 export const live = signal(false);
 
 /** Ids of the rollout shown and of the one it is compared with. */

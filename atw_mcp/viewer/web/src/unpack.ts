@@ -14,6 +14,11 @@ export class Opened {
     private readonly section: ArrayBuffer,
   ) {}
 
+  /** The same with other parts, on the same arrays. */
+  with(changes: Partial<ViewDocument>): Opened {
+    return new Opened({ ...this.document, ...changes }, this.section);
+  }
+
   /** The numbers of a block, without a copy. */
   numbers(block: Block): Numbers {
     const key = `${block.offset}:${block.dtype}`;
