@@ -5,7 +5,20 @@ import { read } from "./case_reader";
 import { Host } from "./host";
 import type { DisplayMode, HostContext, ToolResult } from "./host_types";
 import { hosted, note, type Call } from "./hosted";
-import { chosen, compared, document as shown, evidence, failure, layout, object, progress, rollout, show, tab, time } from "./state";
+import {
+  chosen,
+  compared,
+  document as shown,
+  evidence,
+  failure,
+  layout,
+  object,
+  progress,
+  rollout,
+  show,
+  tab,
+  time,
+} from "./state";
 
 const LOOK_AGAIN = 5_000; // [ms] between looks at work that is not finished: a document takes the server about a second
 

@@ -30,15 +30,21 @@ export async function* read(
     say("Reading the case …");
     const contents = JSON.parse(await text(host, address + query)) as Contents;
     try {
-      const parts = await whole(host, address, query, contents.document, (n, of) => say(`Reading the case: part ${n} of ${of} …`));
+      const parts = await whole(host, address, query, contents.document, (n, of) =>
+        say(`Reading the case: part ${n} of ${of} …`),
+      );
       const document = await unpack(fromBase64(parts));
       const film = document.document.film;
       document.document.film = null;
       yield document;
       if (film && contents.film) {
-        const data = await whole(host, address, query, contents.film, (n, of) => say(`Reading the film: part ${n} of ${of} …`));
+        const data = await whole(host, address, query, contents.film, (n, of) =>
+          say(`Reading the film: part ${n} of ${of} …`),
+        );
         // A data: address, because hosts need not allow blob: ones for films.
-        yield document.with({ film: { ...film, url: `data:${contents.film.mime.replaceAll(" ", "")};base64,${data}` } });
+        yield document.with({
+          film: { ...film, url: `data:${contents.film.mime.replaceAll(" ", "")};base64,${data}` },
+        });
       }
       return;
     } catch (error) {
@@ -48,7 +54,13 @@ export async function* read(
 }
 
 /** All parts, as one text in base64: each but the last is a multiple of three bytes, so that their texts join. */
-async function whole(host: Host, address: string, query: string, of: Whole, each: (n: number, of: number) => void): Promise<string> {
+async function whole(
+  host: Host,
+  address: string,
+  query: string,
+  of: Whole,
+  each: (n: number, of: number) => void,
+): Promise<string> {
   const texts: string[] = [];
   for (let part = 0; part < of.parts; part++) {
     if (of.parts > 1) each(part + 1, of.parts);

@@ -62,7 +62,14 @@ export class Host {
   }
 
   private receive(data: unknown): void {
-    const message = data as { jsonrpc?: string; id?: number; method?: string; params?: Params; result?: unknown; error?: { message?: string } };
+    const message = data as {
+      jsonrpc?: string;
+      id?: number;
+      method?: string;
+      params?: Params;
+      result?: unknown;
+      error?: { message?: string };
+    };
     if (message?.jsonrpc !== "2.0") return;
     if (message.method === undefined) {
       const waiting = this.waiting.get(message.id!);
@@ -75,6 +82,7 @@ export class Host {
     action?.(message.params ?? {});
     if (message.id === undefined) return;
     if (action || message.method === "ping") this.send({ id: message.id, result: {} });
-    else this.send({ id: message.id, error: { code: METHOD_NOT_FOUND, message: `the viewer has no ${message.method}` } });
+    else
+      this.send({ id: message.id, error: { code: METHOD_NOT_FOUND, message: `the viewer has no ${message.method}` } });
   }
 }

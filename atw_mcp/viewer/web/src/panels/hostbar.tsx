@@ -39,7 +39,11 @@ export function HostBar() {
           </button>
         )}
         {(host.capabilities?.updateModelContext || host.capabilities?.message) && (
-          <button class="quiet" title="Give the model what is shown now, for your next question" onClick={() => void share()}>
+          <button
+            class="quiet"
+            title="Give the model what is shown now, for your next question"
+            onClick={() => void share()}
+          >
             Ask about this moment
           </button>
         )}
