@@ -4,7 +4,7 @@ import { appearance, reportSize } from "./appearance";
 import { read } from "./case_reader";
 import { Host } from "./host";
 import type { DisplayMode, HostContext, ToolResult } from "./host_types";
-import { hosted, note, type Call } from "./hosted";
+import { hosted, note, unfolded, type Call } from "./hosted";
 import {
   chosen,
   compared,
@@ -13,6 +13,7 @@ import {
   failure,
   layout,
   object,
+  playing,
   progress,
   rollout,
   show,
@@ -41,6 +42,7 @@ export async function connect(): Promise<void> {
     changed(host, params as HostContext);
   });
   host.on("ui/resource-teardown", () => {
+    playing.value = false;
     hosted.value = null;
   });
   progress.value = "Connecting …";
@@ -73,6 +75,7 @@ async function receive(host: Host, result: ToolResult): Promise<void> {
   }
   hosted.value = { host, call, mode: host.context.displayMode ?? "inline" };
   if (call.tool in PANELS) tab.value = PANELS[call.tool as keyof typeof PANELS];
+  if (tab.value === "gap") unfolded.value = true; // residuals are what these results are about
   evidence.value = call.evidence;
   await open(call.rollouts);
   followRunning();
@@ -162,14 +165,15 @@ export async function share(): Promise<void> {
 /** Fill the screen, or go back into the conversation. */
 export async function toggleFullscreen(): Promise<void> {
   const { host, mode } = hosted.value!;
+  const wanted = mode === "fullscreen" ? "inline" : "fullscreen";
+  changed(host, { displayMode: wanted }); // before the frame changes its size, so that no height is asked for
+  let got: DisplayMode = mode;
   try {
-    const got = await host.request<{ mode: DisplayMode }>("ui/request-display-mode", {
-      mode: mode === "fullscreen" ? "inline" : "fullscreen",
-    });
-    changed(host, { displayMode: got.mode });
+    got = (await host.request<{ mode: DisplayMode }>("ui/request-display-mode", { mode: wanted })).mode;
   } catch (error) {
     note.value = `The host did not change the display: ${words(error)}`;
   }
+  changed(host, { displayMode: got });
 }
 
 function changed(host: Host, context: HostContext): void {

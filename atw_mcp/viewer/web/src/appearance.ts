@@ -25,10 +25,11 @@ effect(() => {
 export function reportSize(host: Host): void {
   let last = 0;
   const report = () => {
-    if (host.context.displayMode === "fullscreen" || host.context.containerDimensions?.height !== undefined) return;
-    const height = Math.ceil(document.body.getBoundingClientRect().height);
+    const fixed = host.context.displayMode === "fullscreen" || host.context.containerDimensions?.height !== undefined;
+    const height = fixed ? 0 : Math.ceil(document.body.getBoundingClientRect().height);
     if (height === last) return;
     last = height;
+    if (fixed) return;
     host.notify("ui/notifications/size-changed", { width: Math.ceil(innerWidth), height });
   };
   new ResizeObserver(report).observe(document.body);

@@ -7,6 +7,7 @@ type Params = Record<string, unknown>;
 type Waiting = { resolve: (result: unknown) => void; reject: (error: Error) => void };
 
 const PROTOCOL = "2026-01-26";
+const VERSION = "1"; // of the documents that the page reads, atw-view/1
 const METHOD_NOT_FOUND = -32601;
 const ANSWER_WITHIN = 10_000; // [ms] a host answers the first request at once, if it is one at all
 
@@ -31,7 +32,7 @@ export class Host {
   /** Shake hands, after which the host sends its notifications. Rejects where nobody answers. */
   async initialize(name: string, modes: DisplayMode[]): Promise<void> {
     const hello = this.request<InitializeResult>("ui/initialize", {
-      appInfo: { name, version: PROTOCOL },
+      appInfo: { name, version: VERSION },
       appCapabilities: { availableDisplayModes: modes },
       protocolVersion: PROTOCOL,
     });

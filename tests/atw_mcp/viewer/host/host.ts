@@ -1,6 +1,11 @@
 // An MCP host in a page: calls a tool of a server over HTTP and shows the tool's app, as the ext-apps package's
 // AppBridge does it. Everything that the app sends is kept in `heard`, for a test to look at.
-import { AppBridge, getToolUiResourceUri, PostMessageTransport, RESOURCE_MIME_TYPE } from "@modelcontextprotocol/ext-apps/app-bridge";
+import {
+  AppBridge,
+  getToolUiResourceUri,
+  PostMessageTransport,
+  RESOURCE_MIME_TYPE,
+} from "@modelcontextprotocol/ext-apps/app-bridge";
 import { Client, StreamableHTTPClientTransport } from "@modelcontextprotocol/client";
 
 interface Wanted {
@@ -76,7 +81,10 @@ async function start(wanted: Wanted): Promise<string> {
     if (height !== undefined) frame.style.height = `${height}px`;
   };
   bridge.onrequestdisplaymode = async ({ mode }) => {
-    frame.style.cssText = mode === "fullscreen" ? "position: fixed; inset: 0; width: 100%; height: 100%; border: 0" : `width: ${wanted.width}px; border: 0`;
+    frame.style.cssText =
+      mode === "fullscreen"
+        ? "position: fixed; inset: 0; width: 100%; height: 100%; border: 0"
+        : `width: ${wanted.width}px; border: 0`;
     await bridge.sendHostContextChange({ displayMode: mode });
     return { mode };
   };
