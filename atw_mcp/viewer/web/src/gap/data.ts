@@ -3,7 +3,7 @@ import type { GapSeries, GapView } from "../document";
 import type { Opened } from "../unpack";
 
 export const AXES = ["x", "y", "z"] as const;
-/** Tokens of the colours of the axes, readable on light and dark, and told apart by colour-blind people. */
+/** Tokens of the colours of the axes, readable on light and dark, and distinct to colour-blind people. */
 export const AXIS_TOKENS = ["base", "branch", "new"] as const;
 /** Of the largest extent; what rises less moves on a plane. As atw_mcp/gap/pictures.py. */
 const FLAT = 0.1;
@@ -172,7 +172,7 @@ export function ticks(low: number, high: number, most = 6): number[] {
   return found;
 }
 
-/** Tick labels with as many decimals as tell them apart. */
+/** Tick labels with as many decimals as make them distinct. */
 export function tickText(value: number, all: number[]): string {
   const step = all.length > 1 ? Math.abs(all[1]! - all[0]!) : 1;
   const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));

@@ -8,7 +8,7 @@ import { nameOf, planeOf, projected, ticks, tickText, type Plane, type Residuals
 import { frameOf, frameTicks, heightFor, limitsOf, MARGIN, type Frame } from "./frame";
 
 const CLEAR = 3; // standard deviations; of noise alone one jump in some hundred is as large
-const MOST = 240; // arrows that can be told apart; the largest are drawn
+const MOST = 240; // arrows that can be distinguished; the largest are drawn
 const LONGEST = 0.16; // of the extent, the longest arrow
 const BESIDE = 5; // between marks at one time [px]
 

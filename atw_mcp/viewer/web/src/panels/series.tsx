@@ -21,7 +21,7 @@ import { plot, type Dots, type Line } from "./series_plot";
 import { view, zoomed } from "./timeline_view";
 import "./series.css";
 
-/** Objects shown where none has been chosen: as many lines as can be told from one another at a glance. */
+/** Objects shown where none has been chosen: as many lines as can be distinguished at a glance. */
 const AT_FIRST = 3;
 
 const measureName = signal("speed");

@@ -158,7 +158,7 @@ function drawDots(u: uPlot, dots: Dots[], [from, to]: [number, number]): void {
   ctx.restore();
 }
 
-/** The name of each object at the right end of its line, so that colour is not all that tells lines apart. */
+/** The name of each object at the right end of its line, so that lines are not distinguished by colour alone. */
 function drawLabels(u: uPlot, lines: Line[]): void {
   const { ctx } = u;
   const scale = devicePixelRatio;
