@@ -45,17 +45,14 @@ def _report(options: argparse.Namespace) -> str:
     from atw_mcp.viewer.case_document import case_document
     from atw_mcp.viewer.packing import packed
     from atw_mcp.viewer.page import page
-    from evidence_store import EvidenceStore, StoreError
+    from evidence_store import EvidenceStore
 
     store = options.store
     if store is None:
         from atw_mcp.server import default_store  # imports every tool: only where its answer is wanted
 
         store = default_store()
-    store = Path(store).expanduser().absolute()
-    if not store.exists():
-        raise StoreError(f"there is no evidence store at {store}: name one with --store PATH")
-    opened = EvidenceStore(store)
+    opened = EvidenceStore.to_read(store)
     try:
         document, blocks = case_document(opened, options.case, first=options.rollout)
     finally:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from atw_mcp.observation.observing import image_observation
 from atw_mcp.observation.recording_records import KIND as RECORDING
@@ -94,7 +94,9 @@ def read_case(store: EvidenceStore, identifier: str, first: Sequence[str] = ()) 
     """
     case = store.cases.get(identifier)
     read = CaseRecords(store, case)
-    read.evidence = store.evidence.of_case(case.id)
+    rows = store.evidence.of_case(case.id)
+    # Work of a process that ended is not running.
+    read.evidence = [replace(store.read_evidence(r.id), payload={}) if r.status == "running" else r for r in rows]
     read.missing += [_sentence(f"{name} is damaged and left out") for name in store.evidence.damaged(case.id)]
     _read_observations(read)
     _read_rollouts(read, first)
