@@ -32,17 +32,24 @@ def run(options: argparse.Namespace) -> int:
     from evidence_store import StoreError
 
     try:
-        print(_report(options))
+        text, missing = _report(options)
     except (StoreError, FileNotFoundError) as error:
         return _failed(str(error))
+    out = options.out.expanduser()
+    try:
+        out.write_text(text, encoding="utf-8")
     except OSError as error:
-        return _failed(f"{options.out} cannot be written ({error.strerror})")
+        return _failed(f"{out} cannot be written ({error.strerror})")
+    print(f"{out}: {out.stat().st_size / 1e6:.2f} MB")
+    for sentence in missing:
+        print(f"not shown: {sentence}")
     return OK
 
 
-def _report(options: argparse.Namespace) -> str:
-    """Write the file; returns what to print about it."""
+def _report(options: argparse.Namespace) -> tuple[str, list[str]]:
+    """Return the page, and sentences about what it does not show."""
     from atw_mcp.viewer.case_document import case_document
+    from atw_mcp.viewer.film import with_film
     from atw_mcp.viewer.packing import packed
     from atw_mcp.viewer.page import page
     from evidence_store import EvidenceStore
@@ -55,13 +62,11 @@ def _report(options: argparse.Namespace) -> str:
     opened = EvidenceStore.to_read(store)
     try:
         document, blocks = case_document(opened, options.case, first=options.rollout)
+        case = opened.cases.get(options.case)
+        document = with_film(document, blocks, case, Path(case.path))
     finally:
         opened.close()
-    text = page(packed(document, blocks))
-    out = options.out.expanduser()
-    out.write_text(text, encoding="utf-8")
-    lines = [f"{out}: {len(text.encode()) / 1e6:.2f} MB", *(f"not shown: {sentence}" for sentence in document.missing)]
-    return "\n".join(lines)
+    return page(packed(document, blocks)), document.missing
 
 
 def _failed(text: str) -> int:
