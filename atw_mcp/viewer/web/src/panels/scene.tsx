@@ -34,7 +34,14 @@ interface Over {
   frame: [number, number, number, number] | null;
 }
 const over = signal<Over>({ axes: null, bar: null, windows: [], frame: null });
-const notes = signal<{ keys: EffectKey[]; missing: string[]; grid: string }>({ keys: [], missing: [], grid: "" });
+/** What the legend says. fast: speeds of the lightest particles of fluids [m/s]. */
+interface Notes {
+  keys: EffectKey[];
+  missing: string[];
+  grid: string;
+  fast: [string, number][];
+}
+const notes = signal<Notes>({ keys: [], missing: [], grid: "", fast: [] });
 /** Why there is no canvas; "" where there is one. */
 const trouble = signal("");
 const stage = signal<Stage | null>(null);
@@ -45,8 +52,7 @@ export function Scene() {
   useEffect(() => start(host.current!, labels.current!), []);
   const camera = world.value?.camera ?? null;
   const { axes, bar, windows, frame } = over.value;
-  const { keys, missing, grid } = notes.value;
-  const names = rollout.value?.names ?? [];
+  const { keys, missing, grid, fast } = notes.value;
   return (
     <section class="panel scene" aria-label="scene">
       <div class="bar">
@@ -66,23 +72,10 @@ export function Scene() {
         <button title="Fit the whole motion into view (Home)" onClick={() => stage.value?.reset()}>
           Fit
         </button>
-        {names.length > 0 && (
-          <label class="follow">
-            <span class="visually-hidden">follow</span>
-            <select
-              name="follow"
-              value={followed.value ?? ""}
-              disabled={eye.value === "video"}
-              onChange={(e) => (followed.value = e.currentTarget.value || null)}
-            >
-              <option value="">Follow nothing</option>
-              {names.map((name) => (
-                <option key={name} value={name}>
-                  Follow {words(name)}
-                </option>
-              ))}
-            </select>
-          </label>
+        {followed.value !== null && eye.value !== "video" && (
+          <button class="follow" title="Stop following (F)" onClick={() => (followed.value = null)}>
+            Following {words(followed.value)} ×
+          </button>
         )}
         <details class="show push">
           <summary>Show</summary>
@@ -120,13 +113,20 @@ export function Scene() {
         {layout.value !== "one" &&
           other.value &&
           windows.map((w, i) => (
-            <p key={i} class={`title ${i ? "branch" : "base"}`} style={{ left: `${w.x}px`, top: `${w.y}px`, maxWidth: `${w.width}px` }}>
+            <p
+              key={i}
+              class={`title ${i ? "branch" : "base"}`}
+              style={{ left: `${w.x}px`, top: `${w.y}px`, maxWidth: `${w.width}px` }}
+            >
               {i ? other.value!.label : rollout.value?.label}
               {windows.length === 1 && <span class="branch">ghost: {other.value!.label}</span>}
             </p>
           ))}
         {windows.length > 1 && (
-          <div class="divider" style={{ left: `${windows[1]!.x}px`, top: `${windows[1]!.y}px`, width: windows[1]!.x ? 0 : "100%", height: windows[1]!.x ? "100%" : 0 }} />
+          <div
+            class={windows[1]!.x ? "divider" : "divider flat"}
+            style={{ left: `${windows[1]!.x}px`, top: `${windows[1]!.y}px` }}
+          />
         )}
         {axes && <Axes {...axes} />}
         {bar && (
@@ -151,6 +151,11 @@ export function Scene() {
               </p>
             ),
           ])}
+          {fast.map(([name, speed]) => (
+            <p key={`${name} speed`} class="grid">
+              {words(name)}: lighter where faster, lightest from {quantity(speed, "m/s", 2)}
+            </p>
+          ))}
           {grid && <p class="grid">{grid}</p>}
           {missing.map((m) => (
             <p key={m} class="missing">
@@ -205,7 +210,9 @@ function start(host: HTMLElement, labels: HTMLElement): () => void {
       const missing = [...new Set(made.views.flatMap((v) => v.missing))];
       const first = made.views[0];
       const grid = first ? `grid ${quantity(first.cell, "m", 1)} ${first.gridNote}` : "";
-      notes.value = { keys: made.views.flatMap((v) => v.keys).filter((k, i, all) => all.findIndex((o) => o.name === k.name) === i), missing, grid };
+      const keys = made.views.flatMap((v) => v.keys);
+      const once = keys.filter((k, i) => keys.findIndex((o) => o.name === k.name) === i);
+      notes.value = { keys: once, missing, grid, fast: [...(first?.meshes.speeds ?? [])] };
     }),
     effect(() => made.setTime(time.value)),
     effect(() => made.choose(object.value)),

@@ -31,7 +31,8 @@ export class Arrows {
     private readonly thickness: number,
     opacity = 1,
   ) {
-    const material = new MeshLambertMaterial({ color, emissive: color, emissiveIntensity: 0.45, transparent: opacity < 1, opacity });
+    const glow = { emissive: color, emissiveIntensity: 0.45 };
+    const material = new MeshLambertMaterial({ color, ...glow, transparent: opacity < 1, opacity });
     const shaft = new CylinderGeometry(1, 1, 1, 12).translate(0, 0.5, 0).rotateX(Math.PI / 2);
     const head = new ConeGeometry(1, 1, 20).translate(0, 0.5, 0).rotateX(Math.PI / 2);
     this.shafts = new InstancedMesh(shaft, material, capacity);

@@ -51,7 +51,8 @@ export class Ghost {
         if (apart < UNSEEN * this.size) continue;
         this.lines.add(here.toArray(), 0, there.toArray(), 0, this.color, 2.5);
         const at = there.lerp(here, 0.5);
-        labels.push({ key: `${name}>`, text: quantity(apart, "m", 3), at, color, kind: "distance" });
+        const text = quantity(apart, "m", 3);
+        labels.push({ key: `${name}>`, object: name, value: apart, text, at, color, kind: "distance" });
       } else if (ghost) {
         if (this.meshes.middle(name, there)) labels.push(this.lone(name, there, this.other, this.shown, color));
       } else if (this.solid.middle(name, there)) labels.push(this.lone(name, there, this.shown, this.other, color));

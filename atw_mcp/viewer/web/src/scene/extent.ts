@@ -20,7 +20,9 @@ export function extentOf(opened: Opened, world: WorldView, rollout: RolloutView 
   const box = rollout ? motion(opened, world, rollout) : new Box3();
   const point = new Vector3();
   const marks = new Box3();
-  for (const region of world.regions) marks.expandByPoint(point.fromArray(region.lower)).expandByPoint(point.fromArray(region.upper));
+  for (const { lower, upper } of world.regions) {
+    marks.expandByPoint(point.fromArray(lower)).expandByPoint(point.fromArray(upper));
+  }
   for (const joint of world.joints) {
     for (const anchor of [joint.anchor, joint.other_anchor]) if (anchor) marks.expandByPoint(point.fromArray(anchor));
   }
@@ -70,8 +72,14 @@ function usually(places: Vector3[]): Box3 {
   return box;
 }
 
-/** first: the box at its start. moves: by more than its own size. */
-function pathOf(opened: Opened, world: WorldView, rollout: RolloutView, name: string, middles: Vector3[]): { path: Box3; first: Box3; moves: boolean } {
+/** path: all places. first: the box at its start. middles: added to. moves: by more than its own size. */
+function pathOf(
+  opened: Opened,
+  world: WorldView,
+  rollout: RolloutView,
+  name: string,
+  middles: Vector3[],
+): { path: Box3; first: Box3; moves: boolean } {
   const item = world.moving.find((m) => m.name === name);
   const path = new Box3();
   const point = new Vector3();

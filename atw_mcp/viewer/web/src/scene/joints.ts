@@ -92,7 +92,8 @@ export class Marks {
           across(w!, u!, v!);
           for (let i = 0; i <= RIM; i++) {
             const angle = (2 * Math.PI * i) / RIM;
-            p!.copy(a!).addScaledVector(u!, joint.radius * Math.cos(angle)).addScaledVector(v!, joint.radius * Math.sin(angle));
+            p!.copy(a!).addScaledVector(u!, joint.radius * Math.cos(angle));
+            p!.addScaledVector(v!, joint.radius * Math.sin(angle));
             if (i) line(last!, p!, 1.6);
             if (i && i % (RIM / 4) === 0) line(a!, p!, 1.2);
             last!.copy(p!);

@@ -9,6 +9,8 @@ export interface Label {
   at: Vector3;
   /** Name of the object that it is about. */
   object?: string;
+  /** Number in the text, in full. */
+  value?: number;
   /** Radius that it stays clear of [m]. */
   above?: number;
   /** Of the dot before the text; null: none. */
@@ -66,7 +68,8 @@ export class Labels {
         const one = this.shown.get(`${index}|${label.key}`)!;
         let x = window.x + (0.5 + 0.5 * projected.x) * window.width;
         const seen = window.y + (0.5 - 0.5 * projected.y) * window.height;
-        if (label.object) Object.assign(one.element.dataset, { object: label.object, x: String(x), y: String(seen) });
+        if (label.object) Object.assign(one.element.dataset, { object: label.object, x, y: seen });
+        if (label.value !== undefined) one.element.dataset.value = String(label.value);
         const y = seen - LIFT - (label.above ? clear(label, camera, window) : 0);
         x = Math.min(Math.max(x, window.x + one.width / 2 + 2), window.x + window.width - one.width / 2 - 2);
         const free = taken.every(([tx, ty, tw]) => Math.abs(ty - y) > HEIGHT || Math.abs(tx - x) > (tw + one.width) / 2);
@@ -91,7 +94,7 @@ export class Labels {
       const words = document.createElement("b");
       element.append(dot, words);
       this.host.append(element);
-      one = { element, dot, words, text: "", width: 0, used: true };
+      one = { element, dot, words, text: "", width: 0, used: false };
       this.shown.set(key, one);
     }
     const kind = `scene-label ${label.kind}${label.chosen ? " chosen" : ""}`;

@@ -39,7 +39,9 @@ const vertexShader = `
     way = span > 1e-6 ? way / span : vec2(1.0, 0.0);
     float width = ink.w * ratio;
     vec4 here = position.y > 0.5 ? to : from;
-    here.xy += (vec2(-way.y, way.x) * position.x * (width + 1.0) + way * (position.y * 2.0 - 1.0) * 0.5 * width) / buffer * here.w;
+    vec2 aside = vec2(-way.y, way.x) * position.x * (width + 1.0);
+    vec2 beyond = way * (position.y - 0.5) * width;
+    here.xy += (aside + beyond) / buffer * here.w;
     gl_Position = here;
     color = ink.rgb;
     moment = mix(when.x, when.y, position.y);
@@ -135,8 +137,17 @@ export class Lines {
     this.geometry.instanceCount = 0;
   }
 
-  /** Add a line from `a` to `b`, each three numbers from the index on [m]; width [px]. */
-  add(a: ArrayLike<number>, at: number, b: ArrayLike<number>, bt: number, color: Color, width: number, from = 0, to = from): void {
+  /** Add a line from `a` to `b`, each three numbers from the index on [m]; width [px]; times of both ends [s]. */
+  add(
+    a: ArrayLike<number>,
+    at: number,
+    b: ArrayLike<number>,
+    bt: number,
+    color: Color,
+    width: number,
+    from = 0,
+    to = from,
+  ): void {
     const i = this.count;
     if (3 * i >= this.ends[0].array.length) return;
     for (let k = 0; k < 3; k++) {

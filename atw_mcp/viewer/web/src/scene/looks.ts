@@ -1,5 +1,13 @@
 // Materials: a body's colour with a faint pattern that turns with it, and thin lines that never fade below a pixel or two.
-import { type BufferGeometry, type Camera, DoubleSide, MeshStandardMaterial, type Object3D, Vector4, type WebGLRenderer } from "three";
+import {
+  type BufferGeometry,
+  type Camera,
+  DoubleSide,
+  MeshStandardMaterial,
+  type Object3D,
+  Vector4,
+  type WebGLRenderer,
+} from "three";
 
 export type Style = "solid" | "ghost";
 
@@ -37,13 +45,14 @@ export function surface(color: string, look: Look): MeshStandardMaterial {
   material.onBeforeCompile = (shader) => {
     shader.uniforms.bufferHeight = height;
     if (look.pattern !== "none") {
+      const declared = look.pattern === "checks" ? "attribute vec3 rest;\n" : "";
       const source = look.pattern === "checks" ? "rest" : "position";
       const wave =
         look.pattern === "checks"
           ? `sin(vRest.x * ${pi(look.cell)}) * sin(vRest.y * ${pi(look.cell)}) * cos(vRest.z * ${pi(look.cell)})`
           : "vRest.x * vRest.y * vRest.z";
       shader.vertexShader = shader.vertexShader
-        .replace("#include <common>", `#include <common>\n${source === "rest" ? "attribute vec3 rest;\n" : ""}varying vec3 vRest;`)
+        .replace("#include <common>", `#include <common>\n${declared}varying vec3 vRest;`)
         .replace("#include <begin_vertex>", `#include <begin_vertex>\nvRest = ${source};`);
       shader.fragmentShader = shader.fragmentShader
         .replace("#include <common>", "#include <common>\nvarying vec3 vRest;")

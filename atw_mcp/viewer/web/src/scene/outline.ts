@@ -1,5 +1,14 @@
 // The outline of the chosen object: its back faces, a few pixels larger, in the colour of what is chosen.
-import { BackSide, type BufferAttribute, BufferGeometry, type Color, Float32BufferAttribute, Mesh, type Object3D, ShaderMaterial } from "three";
+import {
+  BackSide,
+  type BufferAttribute,
+  BufferGeometry,
+  type Color,
+  Float32BufferAttribute,
+  Mesh,
+  type Object3D,
+  ShaderMaterial,
+} from "three";
 import { viewportOf } from "./looks";
 
 /** Thickness [px]. */
@@ -62,9 +71,11 @@ function outwards(position: BufferAttribute): Float32Array {
   const sums = new Map<string, [number, number, number]>();
   const keys: string[] = [];
   let size = 0;
-  for (let i = 0; i < position.count; i++) size = Math.max(size, Math.abs(position.getX(i)), Math.abs(position.getY(i)), Math.abs(position.getZ(i)));
+  for (const x of position.array) size = Math.max(size, Math.abs(x));
   const round = (x: number) => Math.round((1e5 * x) / (size || 1));
-  for (let i = 0; i < position.count; i++) keys.push(`${round(position.getX(i))},${round(position.getY(i))},${round(position.getZ(i))}`);
+  for (let i = 0; i < position.count; i++) {
+    keys.push([position.getX(i), position.getY(i), position.getZ(i)].map(round).join());
+  }
   for (let i = 0; i < position.count; i += 3) {
     const [ax, ay, az] = [position.getX(i), position.getY(i), position.getZ(i)];
     const [ux, uy, uz] = [position.getX(i + 1) - ax, position.getY(i + 1) - ay, position.getZ(i + 1) - az];

@@ -2,11 +2,19 @@
 import { Color, CylinderGeometry, Group, InstancedMesh, Matrix4, SphereGeometry } from "three";
 import { measured, surface, type Style } from "./looks";
 
+/** Two samples of a deformable object's points: where they begin in `values`, and how far apart they are [s]. */
+export interface Between {
+  values: Float32Array;
+  a: number;
+  b: number;
+  seconds: number;
+}
+
 /** A part of the scene that follows the points of a deformable object. */
 export interface Deformable {
   object: Group;
-  /** Points (k, 3) [m]; NaN where there is none. */
-  setPoints(points: Float32Array): void;
+  /** Points (k, 3) [m]; NaN where there is none. between: the samples that they lie between. */
+  setPoints(points: Float32Array, between: Between): void;
 }
 
 const matrix = new Matrix4();

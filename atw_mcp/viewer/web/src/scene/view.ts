@@ -161,7 +161,8 @@ export class View {
     lamp.castShadow = true;
     lamp.shadow.mapSize.set(2048, 2048);
     const half = 0.62 * this.size;
-    Object.assign(lamp.shadow.camera, { left: -half, right: half, top: half, bottom: -half, near: 0.2 * this.size, far: 3.5 * this.size });
+    const depth = { near: 0.2 * this.size, far: 3.5 * this.size };
+    Object.assign(lamp.shadow.camera, { left: -half, right: half, top: half, bottom: -half, ...depth });
     lamp.shadow.normalBias = (2 * half) / 2048;
     lamp.shadow.bias = -2e-4;
     lamp.shadow.radius = 4;
@@ -235,8 +236,9 @@ export class View {
       const at = new Vector3();
       if (!this.meshes.middle(name, at)) return;
       const color = world.moving.find((m) => m.name === name)?.color ?? null;
-      const above = this.radii.get(name) ?? 0;
-      labels.push({ key: name, object: name, text: words(name), at, above, color, kind: "name", chosen: name === this.highlighted });
+      const above = 0.75 * (this.radii.get(name) ?? 0); // of a box less than its corners
+      const chosen = name === this.highlighted;
+      labels.push({ key: name, object: name, text: words(name), at, above, color, kind: "name", chosen });
     };
     if (this.highlighted !== null) label(this.highlighted);
     labels.push(...this.differences);

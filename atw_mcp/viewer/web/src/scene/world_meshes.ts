@@ -14,7 +14,7 @@ import {
 import type { Deformed, Moving, RolloutView, WorldView } from "../document";
 import type { Opened } from "../unpack";
 import { extentOf } from "./extent";
-import { fluid } from "./fluid";
+import { fastSpeed, fluid } from "./fluid";
 import { surface, type Style } from "./looks";
 import { rope, type Deformable } from "./rope";
 import { held, lerp, moment, present, slerp } from "./samples";
@@ -41,6 +41,8 @@ export interface WorldMeshes {
   points(name: string): Float32Array | null;
   /** Where an object's middle is now, written into `out`; false while it is not in the world. */
   middle(name: string, out: Vector3): boolean;
+  /** Speeds of the lightest particles of fluids, by name [m/s]. */
+  speeds: Map<string, number>;
   /** What cannot be drawn, and why; one sentence each. */
   missing: string[];
   dispose(): void;
@@ -57,6 +59,7 @@ export function buildWorld(
   const group = new Group();
   const byName = new Map<string, Object3D>();
   const missing: string[] = [];
+  const speeds = new Map<string, number>();
   const clouds = new Map<string, Float32Array>();
   const steps: ((t: number) => void)[] = [];
   const add = (name: string, column: number, object: Object3D) => {
@@ -125,7 +128,10 @@ export function buildWorld(
         return;
       }
       const deformed = rollout.deformed.find((d) => d.name === name);
-      const soft = deformed && deformable(opened, moving, deformed, style);
+      const fastest =
+        deformed && moving.kind === "fluid" ? fastSpeed(opened.floats(deformed.points), deformed.points.shape[1] ?? 0, times) : 0;
+      if (fastest > 0) speeds.set(name, fastest);
+      const soft = deformed && deformable(opened, moving, deformed, fastest, style);
       if (!soft) {
         missing.push(`the points of ${name} (${moving.kind}) were not stored`);
         return;
@@ -139,8 +145,11 @@ export function buildWorld(
         const m = moment(times, t);
         soft.object.visible = present(active, columns, column, m);
         if (!soft.object.visible) return;
-        lerp(values, numbers, held(active, columns, column, m), points);
-        soft.setPoints(points);
+        const shown = held(active, columns, column, m);
+        lerp(values, numbers, shown, points);
+        // at a sample itself, the speed of the step after it
+        const next = Math.min(Math.max(shown.next, shown.at + 1), times.length - 1);
+        soft.setPoints(points, { values, a: shown.at * numbers, b: next * numbers, seconds: times[next]! - times[shown.at]! });
       });
     });
   } else if (world.moving.length) {
@@ -159,7 +168,7 @@ export function buildWorld(
     if (!cloud) return (out.copy(object.position), true);
     return mean(cloud, out);
   };
-  return { group, byName, setTime, points, middle, missing, dispose: () => disposeAll(group) };
+  return { group, byName, setTime, points, middle, speeds, missing, dispose: () => disposeAll(group) };
 }
 
 function rigid(opened: Opened, moving: Moving, style: Style): Mesh {
@@ -176,7 +185,7 @@ function rigid(opened: Opened, moving: Moving, style: Style): Mesh {
   return body;
 }
 
-function deformable(opened: Opened, moving: Moving, deformed: Deformed, style: Style): Deformable | null {
+function deformable(opened: Opened, moving: Moving, deformed: Deformed, fastest: number, style: Style): Deformable | null {
   const count = deformed.points.shape[1] ?? 0;
   const points = opened.floats(deformed.points);
   if (moving.kind === "rope" && moving.segments) {
@@ -186,7 +195,7 @@ function deformable(opened: Opened, moving: Moving, deformed: Deformed, style: S
     const first = points.slice(0, 3 * count);
     return sheet(moving.color, opened.numbers(moving.triangles), first, moving.kind === "soft", style);
   }
-  return moving.kind === "fluid" ? fluid(moving.color, moving.radius ?? 0.01, count, style) : null;
+  return moving.kind === "fluid" ? fluid(moving.color, moving.radius ?? 0.01, count, fastest, style) : null;
 }
 
 /** The mean of points (k, 3) that are there; false where none is. */
