@@ -172,7 +172,7 @@ export function ticks(low: number, high: number, most = 6): number[] {
   return found;
 }
 
-/** Tick labels with as many decimals as make them distinct. */
+/** Tick labels with as many decimals as distinguish them. */
 export function tickText(value: number, all: number[]): string {
   const step = all.length > 1 ? Math.abs(all[1]! - all[0]!) : 1;
   const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));

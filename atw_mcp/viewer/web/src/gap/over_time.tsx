@@ -220,7 +220,7 @@ function drawn(place: HTMLElement, item: Residuals, most: number, hovered: Signa
   };
 }
 
-/** Write the letter of each component beside the end of its line: they are not distinguished by colour alone. */
+/** Write the letter of each component beside the end of its line: colours alone do not distinguish them. */
 function letters(u: uPlot, item: Residuals, colors: string[]): void {
   const apart = 10 * devicePixelRatio;
   const ends = item.axes
