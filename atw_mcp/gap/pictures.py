@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -17,32 +18,40 @@ from polyworld.gap.comparison import Compared
 Array = NDArray[np.float64]
 
 AXES = "xyz"
-COLORS = ("#c0392b", "#2471a3", "#1e8449")
-BEFORE, AFTER, SEEN = "#c0392b", "#1f618d", "#222222"
+COLORS = ("#0072b2", "#d55e00", "#009e73")  # of x, y, z; Okabe & Ito (2008), as on the viewer's page
+BEFORE, AFTER, SEEN = "#d55e00", "#0072b2", "#222222"
+NOISE = 2.0  # standard deviations: 95% of noise is within
 PANELS = 12  # most panels of one picture; the rest is said in its title
 FLAT = 0.1  # of the largest extent; what rises less moves on a plane
 RESOLUTION = 110  # [dots per inch]
 
 
 def residual_picture(before: Sequence[Compared], after: Sequence[Compared] | None = None) -> bytes:
-    """Standardised residuals over time, one panel for every run and object, largest first; PNG.
+    """Standardised residuals over time, one panel for every run and object, largest first, to one scale; PNG.
 
-    after: the same with an effect added, drawn dotted.
+    after: the same with an effect added, drawn dashed.
     """
     order = _largest_first(before)
-    lines = "" if after is None else "; solid: without the effect, dotted: with it"
-    figure, panels = _grid(len(order), f"residual / noise{lines}; grey: two standard deviations", len(before))
+    figure, panels = _grid(len(order), "simulated less observed, in standard deviations σ of the noise", len(before))
+    shown = [items[i].residual for items in (before, after or ()) for i in order if items]
+    most = 1.08 * max([float(np.nanmax(np.abs(r))) for r in shown if np.isfinite(r).any()], default=0.0)
+    handles: dict[str, Artist] = {}
     for panel, index in zip(panels, order, strict=True):
         item = before[index]
-        panel.axhspan(-2, 2, color="#dddddd", lw=0)
+        handles["±2 σ"] = panel.axhspan(-NOISE, NOISE, color="#dddddd", lw=0)
         for axis in range(3):
             if np.isfinite(item.residual[:, axis]).any():
-                panel.plot(item.times, item.residual[:, axis], color=COLORS[axis], lw=1.0, label=AXES[axis])
+                name = AXES[axis] if after is None else f"{AXES[axis]} without the effect"
+                (handles[name],) = panel.plot(item.times, item.residual[:, axis], color=COLORS[axis], lw=1.0)
                 if after is not None:
-                    panel.plot(after[index].times, after[index].residual[:, axis], color=COLORS[axis], lw=0.6, ls=":")
+                    (handles[f"{AXES[axis]} with the effect"],) = panel.plot(
+                        after[index].times, after[index].residual[:, axis], color=COLORS[axis], lw=1.0, ls="--"
+                    )
         panel.set_title(f"{item.name}, run {item.run}", fontsize=8)
         panel.set_xlabel("time [s]", fontsize=7)
-    panels[0].legend(fontsize=7, loc="upper left")
+        panel.set_ylabel("residual [σ]", fontsize=7)
+        panel.set_ylim(-max(most, 1.5 * NOISE), max(most, 1.5 * NOISE))
+    _legend(figure, handles)
     return _png(figure)
 
 
@@ -50,19 +59,21 @@ def path_picture(before: Sequence[Compared], after: Sequence[Compared] | None = 
     """Observed paths as dots and simulated ones as lines, in the plane in which each extends most; PNG."""
     order = _largest_first(before)
     figure, panels = _grid(len(order), "paths", len(before))
+    handles: dict[str, Artist] = {}
     for panel, index in zip(panels, order, strict=True):
         item = before[index]
         plane = _plane([item])
-        panel.plot(*plane.of(item.observed, item.times), ".", color=SEEN, ms=2.5, label="observed")
-        panel.plot(*plane.of(item.simulated, item.times), color=BEFORE, lw=0.9, label="simulated")
+        (handles["observed"],) = panel.plot(*plane.of(item.observed, item.times), ".", color=SEEN, ms=2.5)
+        name = "simulated" if after is None else "simulated without the effect"
+        (handles[name],) = panel.plot(*plane.of(item.simulated, item.times), color=BEFORE, lw=0.9)
         if after is not None:
-            panel.plot(
-                *plane.of(after[index].simulated, item.times), color=AFTER, lw=0.9, ls="--", label="with the effect"
+            (handles["simulated with the effect"],) = panel.plot(
+                *plane.of(after[index].simulated, item.times), color=AFTER, lw=0.9, ls="--"
             )
         panel.set_title(f"{item.name}, run {item.run}", fontsize=8)
         panel.set_xlabel(plane.across, fontsize=7)
         panel.set_ylabel(plane.up, fontsize=7)
-    panels[0].legend(fontsize=7)
+    _legend(figure, handles)
     return _png(figure)
 
 
@@ -82,12 +93,15 @@ def map_picture(before: Sequence[Compared], after: Sequence[Compared] | None = N
             np.concatenate([c[1] for c in columns]),
             c=np.concatenate([item.size for item in items]),
             s=6,
-            cmap="inferno_r",
+            cmap="cividis_r",
             vmin=0.0,
             vmax=top,
         )
-        figure.colorbar(dots, ax=panel, label="residual / noise")
-        panel.set_title("with the effect" if number else "without the effect" if after is not None else "where")
+        figure.colorbar(dots, ax=panel, extend="max", label="size of the residual [σ of the noise]")
+        title = "with the effect" if number else "without the effect" if after is not None else "where residuals are"
+        panel.set_title(title)
+        if plane.along is not None:
+            panel.set_aspect("equal", adjustable="datalim")  # both axes are lengths
         panel.set_xlabel(plane.across)
         panel.set_ylabel(plane.up)
     return _png(figure)
@@ -148,6 +162,11 @@ def _grid(count: int, title: str, of: int) -> tuple[Figure, list[Axes]]:
         panel.tick_params(labelsize=6)
         panel.grid(alpha=0.3, lw=0.5)
     return figure, panels
+
+
+def _legend(figure: Figure, handles: dict[str, Artist]) -> None:
+    """Explain lines and bands below the panels, where they cover no data."""
+    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=4, fontsize=7)
 
 
 def _png(figure: Figure) -> bytes:
