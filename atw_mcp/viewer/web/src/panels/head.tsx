@@ -3,7 +3,7 @@ import type { Answer, CaseView } from "../document";
 import { digits } from "../format";
 import { Icon } from "../icons";
 import { helpOpen } from "../keys";
-import { document, evidence, live, tab } from "../state";
+import { document, evidence, live, record, tab } from "../state";
 import { preference, type Preference } from "../theme";
 import "./head.css";
 
@@ -77,14 +77,25 @@ function Row({ question, answer }: { question: string; answer: Answer | null }) 
               {id}
             </button>
           ))}
+          <button class="link" onClick={() => trace(answer)}>
+            back to the video
+          </button>
         </div>
       )}
     </li>
   );
 }
 
-function spoken(answer: string): string {
+/** An answer as a person gives it. */
+export function spoken(answer: string): string {
   return answer === "true" ? "yes" : answer === "false" ? "no" : answer;
+}
+
+/** Show what an answer rests on in the provenance graph, where answers are numbered by age. */
+function trace(answer: Answer): void {
+  const view = document.value!.case;
+  record.value = `answer-${view.answers.indexOf(answer) + 1}-${view.id}`;
+  tab.value = "provenance";
 }
 
 /** Show a row of evidence in its list. */

@@ -40,7 +40,7 @@ export function Provenance() {
             )}
             {answers.map((answer) => (
               <option key={answer.id} value={answer.id}>
-                {answer.title} ← {answer.detail}
+                {titleOf(answer)} ← {answer.detail}
               </option>
             ))}
           </select>

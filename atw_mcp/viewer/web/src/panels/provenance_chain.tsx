@@ -58,7 +58,7 @@ export function Chain({ doc, chosen, onChoose }: Props) {
         return (
           <details key={answer.id} open={answer.id === chosen || answers.length === 1}>
             <summary>
-              {answer.detail} <b>{answer.title}</b>
+              {answer.detail} <b>{titleOf(answer)}</b>
             </summary>
             <p class="small soft">rests on</p>
             <ul>{(sources.get(answer.id) ?? []).map((source) => branch(source, seen))}</ul>

@@ -3,7 +3,7 @@ import { useEffect } from "preact/hooks";
 import type { Edge, EvidenceRow, Node, ViewDocument } from "../document";
 import { digits, words } from "../format";
 import { chosen as shownRollout, rolloutOf, tab, worldOf } from "../state";
-import { cite } from "./head";
+import { cite, spoken } from "./head";
 
 export const KINDS: Record<Node["kind"], string> = {
   case: "the case",
@@ -27,7 +27,7 @@ const FEW = 12; // links of a kind that are listed at once
 export function titleOf(node: Node): string {
   if (node.kind === "world") return worldOf(node.id)?.label ?? node.title;
   if (node.kind === "rollout") return rolloutOf(node.id)?.label ?? node.title;
-  return node.title;
+  return node.kind === "answer" ? spoken(node.title) : node.title;
 }
 
 export function Detail({ doc, id, onChoose }: { doc: ViewDocument; id: string; onChoose: (id: string) => void }) {
