@@ -57,13 +57,14 @@ export class Marks {
     const color = this.colors.joint;
     // a pulley hangs on what carries it, not on its rope
     const holder = joint.kind === "pulley" ? joint.other : joint.object;
-    const held = (joint as { held?: number[] | null }).held ?? [];
-    const here: Carried = carried(meshes, holder, joint.anchor, holder === joint.object ? held : []);
+    const here: Carried = carried(meshes, holder, joint.anchor, holder === joint.object ? joint.held : []);
     const there = carried(meshes, joint.other, joint.other_anchor ?? joint.anchor);
     const turn = turned(meshes, joint.other ?? holder);
     const q = new Quaternion();
     const [a, b, u, v, w, p, last] = Array.from({ length: 7 }, () => new Vector3()) as Vector3[];
-    const line = (from: Vector3, to: Vector3, width: number) => lines.add(from.toArray(), 0, to.toArray(), 0, color, width);
+    const line = (from: Vector3, to: Vector3, width: number) => {
+      lines.add(from.toArray(), 0, to.toArray(), 0, color, width);
+    };
     const dot = (at: Vector3, diameter: number) => dots.add(at.x, at.y, at.z, color, diameter);
     return () => {
       if (!here(a!) || !there(b!)) return;
@@ -112,11 +113,10 @@ export class Marks {
   }
 
   private region(region: WorldView["regions"][number], meshes: WorldMeshes): Draw {
-    const carrier = (region as { object?: string | null }).object ?? null;
     const corners = Array.from({ length: 8 }, (_, i) =>
       carried(
         meshes,
-        carrier,
+        region.object,
         [0, 1, 2].map((k) => (i & (1 << k) ? region.upper : region.lower)[k]!),
       ),
     );
