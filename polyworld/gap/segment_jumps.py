@@ -50,13 +50,17 @@ class SegmentJump:
 
 def segment_jumps(trial: FittedHypothesis) -> tuple[SegmentJump, ...] | None:
     """Return the jumps between segments of all runs, by run and time; None where runs cannot be cut: deformable
-    objects, unobserved states, too few samples.
+    objects, unobserved states, too few samples, no positions.
 
     The shared unknowns keep the values of the trial; only the segments' initial states are fitted.
     """
     seen = trial.hypothesis.world.observer
     cut = None if seen is not None and seen.shift_run is not None else segment_context(trial.context, PIECES)
-    if cut is None or len(cut.segments.run) == len(trial.context.design.runs):
+    if cut is None:
+        return None
+    owner = cut.segments.run
+    joints = [k for k in range(len(owner) - 1) if owner[k] == owner[k + 1] and _places_of(cut, k)]
+    if not joints:
         return None
     world = trial.hypothesis.fitted_world(trial.values)
     fitted = cut.fit_base(Hypothesis(world, ()), np.zeros(0))
@@ -64,8 +68,6 @@ def segment_jumps(trial: FittedHypothesis) -> tuple[SegmentJump, ...] | None:
     covariance = NormalEquations(forward, fitted.fit.linear).reduced(DAMPING, PRIOR)[0]
     covariance = covariance * np.maximum(np.nan_to_num(fitted.misfits, nan=1.0, posinf=1.0), 1.0)[:, None, None]
     steps = standard_steps(forward, fitted.fit.linear)[1]
-    owner = cut.segments.run
-    joints = [k for k in range(len(owner) - 1) if owner[k] == owner[k + 1]]
     plan = _joint_design(cut, joints)
     at = [k + side for k in joints for side in (0, 1)]  # the segment that each run of the plan is simulated from
     joined = Forward(plan, world, (), trial.context.cancelled)
@@ -81,6 +83,11 @@ def segment_jumps(trial: FittedHypothesis) -> tuple[SegmentJump, ...] | None:
                 whole = run.part_of or run.window_of or run.name
                 found.append(SegmentJump(whole, name, float(run.times[0]), after[0, 0, column], change, sigma))
     return tuple(found)
+
+
+def _places_of(cut: SegmentContext, k: int) -> bool:
+    """Return whether positions were measured in a segment."""
+    return any(s.kind == "position" for s in cut.segments.parts.runs[k].series)
 
 
 def _joint_design(cut: SegmentContext, joints: Sequence[int]) -> Design:

@@ -52,3 +52,11 @@ def test_of_noise_alone_jumps_are_as_large_as_their_standard_deviations_say() ->
     squares = [jump.sigmas**2 for jump in jumps((0.0, 0.0), runs=12)]
     assert len(squares) == 60
     assert np.mean(squares) == pytest.approx(2.0, abs=4 * 2.0 / np.sqrt(60))  # chi2 of two components
+
+
+def test_runs_whose_places_nobody_measured_have_none() -> None:
+    times = np.arange(COUNT) * STEP
+    turned = np.zeros((COUNT, 1, 4))
+    turned[:, 0, 0], turned[:, 0, 3] = np.cos(times / 2), np.sin(times / 2)  # 1 rad/s about z
+    run = Run("r", ("puck",), times, np.full((COUNT, 1, 3), np.nan), turned)
+    assert segment_jumps(fitted_base(design(TABLE, Recording((run,))), ())) is None

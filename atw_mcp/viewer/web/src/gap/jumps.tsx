@@ -236,7 +236,7 @@ function Readout({ chosen }: { chosen: Signal<Jump | null> }) {
   const size = Math.hypot(...(jump.velocity_change ?? [NaN]));
   return (
     <p class="gap-readout small number" role="status">
-      {nameOf(jump)} at {moment(jump.time)}: {quantity(size, "m/s", 3)} ± {quantity(size / jump.sigmas, "m/s", 2)}, {digits(jump.sigmas, 3)} σ
+      {nameOf(jump)} at {moment(jump.time)}: {digits(size, 3)} ± {digits(size / jump.sigmas, 2)} m/s, {digits(jump.sigmas, 3)} σ
     </p>
   );
 }
