@@ -8,6 +8,13 @@ import { cite } from "./head";
 import { SearchCurve } from "./search_curve";
 import "./fits.css";
 
+/** Units of errors, in words. */
+const ERRORS: Record<string, string> = {
+  m: ", as a root mean square distance",
+  sigma: ", in standard deviations of the measurement",
+  "σ²": ", as a mean square in variances of the measurement",
+};
+
 export function Fits() {
   const fits = document.value!.fits.toReversed();
   return (
@@ -70,8 +77,8 @@ function Fit({ fit, open }: { fit: FitView; open: boolean }) {
             </figcaption>
             <SearchCurve curve={fit.curve} />
             <p class="small soft">
-              Mean square deviation from what was observed, in squared standard deviations of the measurement. A line
-              for each search; it rises where the search goes on to more of the observed frames.
+              How far the simulated motion is from the observed{ERRORS[fit.curve.unit] ?? ""}. It rises where the search
+              goes on to more of the observed frames or starts once more.
             </p>
           </figure>
         )}

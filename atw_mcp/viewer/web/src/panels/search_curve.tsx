@@ -57,11 +57,11 @@ function options(curve: Curve, width: number): uPlot.Options {
     scales: { x: { time: false }, y: { distr: 3 } },
     axes: [
       { ...axis, label: curve.step, labelSize: 18, size: 30 },
-      { ...axis, label: `error, ${curve.unit}`, labelSize: 18, size: 56, values: (_, ticks) => ticks.map((t) => (t ? digits(t, 1) : "")) },
+      { ...axis, label: `error [${curve.unit}]`, labelSize: 18, size: 56, values: (_, ticks) => ticks.map((t) => (t ? digits(t, 1) : "")) },
     ],
     series: [
       { label: curve.step, value: (_, x) => (x === null ? "–" : String(x)) },
-      { label: "middle", stroke: token("branch"), dash: [4, 3], value: (_, v) => digits(v) },
+      { label: "present", stroke: token("branch"), dash: [4, 3], value: (_, v) => digits(v) },
       { label: "best", stroke: token("base"), width: 2, value: (_, v) => digits(v) },
     ],
   };
