@@ -120,12 +120,13 @@ def _of_record(read: CaseRecords, record: TrackRecord, frame: object, blocks: Bl
 
 
 def _worlds(read: CaseRecords, blocks: Blocks, colors: dict[str, str]) -> list[view.WorldView]:
+    labels = read.world_labels()
     return [
         world_view(
             world,
             blocks,
             colors,
-            label=read.label(identifier),
+            label=labels[identifier],
             origin=read.origins[identifier] or "given",
             parent=read.descents[identifier].parent if identifier in read.descents else None,
             committed=identifier == read.case.committed_world,
@@ -136,6 +137,7 @@ def _worlds(read: CaseRecords, blocks: Blocks, colors: dict[str, str]) -> list[v
 
 
 def _rollouts(read: CaseRecords, blocks: Blocks) -> list[view.RolloutView]:
+    labels = read.rollout_labels()
     worlds = {rollout: read.worlds[result.world_id] for rollout, result in read.rollouts.items()}
     needs = [
         len(result.trajectory.times) * numbers_per_sample(worlds[rollout], result.trajectory)
@@ -147,7 +149,7 @@ def _rollouts(read: CaseRecords, blocks: Blocks) -> list[view.RolloutView]:
             worlds[rollout],
             result,
             blocks,
-            label=read.label(result.world_id),
+            label=labels[rollout],
             base=read.bases[rollout],
             edits=read.edits(result.world_id),
             tracks=read.tracks_of(result.world_id),

@@ -18,7 +18,7 @@ from polyworld.world.parameters import object_mass
 
 Array = NDArray[np.float64]
 
-GRID = 9  # points along the longest edge of a field's box: arrows that do not overlap
+ARROWS = 250  # of a field: as many as do not hide what is between them
 MARGIN = 0.15  # of the longest edge, around what the objects reach
 FLAT = 1e-9  # share of the largest by which the vectors of a uniform field differ
 
@@ -119,15 +119,14 @@ def _grid(world: World, runs: Sequence[Trajectory]) -> Array:
     axes = geometry.plane_axes(world.environment.motion_plane) if world.planar else np.eye(3)
     own = whole @ axes.T
     lower, upper = own.min(axis=0), own.max(axis=0)
-    longest = max(float((upper - lower).max()), 1e-3)
-    middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower) + MARGIN * longest
-    step = 2.0 * float(half.max()) / (GRID - 1)
-    lines = []
-    for axis in range(3):
-        count = max(2, round(2.0 * half[axis] / step) + 1)
-        lines.append(np.linspace(middle[axis] - half[axis], middle[axis] + half[axis], count))
+    margin = MARGIN * max(float((upper - lower).max()), 1e-3)
+    sides = slice(0, 2) if world.planar else slice(0, 3)
+    extent = (upper - lower)[sides] + 2.0 * margin
+    step = float(np.prod(extent) / ARROWS) ** (1.0 / len(extent))
+    counts = np.maximum(2, np.round(extent / step).astype(int) + 1)
+    lines = [np.linspace(a - margin, b + margin, n) for a, b, n in zip(lower, upper, counts, strict=False)]
     if world.planar:
-        lines[2] = middle[2:]
+        lines.append(np.array([0.5 * (lower[2] + upper[2])]))
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     found: Array = grid @ axes
     return found

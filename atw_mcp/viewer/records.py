@@ -55,8 +55,26 @@ class CaseRecords:
             return []
         return [edit_words(edit) for edit in descent.detail.get("edits", [])]
 
-    def label(self, world: str) -> str:
-        """Return what a world is, in a few words."""
+    def world_labels(self) -> dict[str, str]:
+        """Return what each world is, in a few words; the second that is the same with its number."""
+        found: dict[str, str] = {}
+        for world in self.worlds:
+            label = self._label(world)
+            same = sum(other == label or other.startswith(f"{label} (") for other in found.values())
+            found[world] = f"{label} ({same + 1})" if same else label
+        return found
+
+    def rollout_labels(self) -> dict[str, str]:
+        """Return of which world each rollout is, and how far it runs where others are of the same."""
+        worlds = self.world_labels()
+        runs = [result.world_id for result in self.rollouts.values()]
+        return {
+            rollout: worlds[result.world_id]
+            + (f", to {result.horizon:.4g} s" if runs.count(result.world_id) > 1 else "")
+            for rollout, result in self.rollouts.items()
+        }
+
+    def _label(self, world: str) -> str:
         edits = self.edits(world)
         if edits:
             return branch_label(edits)
@@ -122,7 +140,11 @@ def _read_observations(read: CaseRecords) -> None:
             if kind == "objects":
                 read.seen = identifier, image_observation(read.store.observations.get(identifier))
             elif kind == TRACKS:
-                read.tracks[identifier] = TrackRecord.of(read.store.observations.get(identifier))
+                record = TrackRecord.of(read.store.observations.get(identifier))
+                read.tracks[identifier] = record
+                measured = list(dict.fromkeys(series.object for series in record.tracks.shapes))
+                if measured:
+                    read.missing.append(f"Measured shapes of {', '.join(measured)} are not shown, only positions.")
             elif kind == RECORDING:
                 document = read.store.observations.get(identifier).document
                 read.recordings = {identifier: recording_of(document)}

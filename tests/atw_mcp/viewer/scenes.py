@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 
 from atw_mcp.viewer import document as view
 from atw_mcp.viewer.colors import distinct_colors
+from atw_mcp.viewer.comparisons import comparisons_view
 from atw_mcp.viewer.edits import branch_label, edit_words
 from atw_mcp.viewer.packing import Blocks, packed
 from atw_mcp.viewer.page import page
@@ -271,7 +272,7 @@ def discs() -> Scene:
             {
                 "name": "magnet",
                 "kind": "central_force",
-                "parameters": {"centre_x": 0.3, "centre_y": 0.8, "strength": 0.2},
+                "parameters": {"centre_x": 0.3, "centre_y": 0.8, "strength": 0.15, "softening": 0.2},
             },
             {
                 "name": "rough",
@@ -320,7 +321,8 @@ def scene_document(title: str, scene: Scene) -> tuple[view.ViewDocument, Blocks]
     runs = [result.trajectory for result in results]
     budget = shares([len(run.times) * numbers_per_sample(w, run) for w, run in zip(worlds, runs, strict=True)])
     labels = ["as described", branch_label(words)]
-    ids = ["rollout-base", "rollout-branch"]
+    ids = ["rollout-base", "rollout-branch"][: len(worlds)]
+    known, bases = {world.id: world for world in worlds}, {rollout: ids[0] for rollout in ids[1:]}
     return view.ViewDocument(
         made_by="atw-mcp",
         case=view.CaseView(
@@ -347,13 +349,13 @@ def scene_document(title: str, scene: Scene) -> tuple[view.ViewDocument, Blocks]
             _shown(ids[k], world, result, blocks, labels[k], ids[0] if k else None, words if k else [], most)
             for k, (world, result, most) in enumerate(zip(worlds, results, budget, strict=True))
         ],
-        comparisons=[],
+        comparisons=comparisons_view(known, dict(zip(ids, results, strict=False)), bases, [])[0],
         fits=[],
         gaps=[],
         evidence=[],
         provenance=view.Provenance(nodes=[], edges=[]),
         running=[],
-        shown=ids[: len(worlds)],
+        shown=ids,
     ), blocks
 
 
