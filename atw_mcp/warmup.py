@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from polyworld.pictures.render import render
+from polyworld.probing.effect_accelerations import effect_accelerations
 from polyworld.solver.rollout import rollout
-from polyworld.world import StaticObject, World
+from polyworld.world import Effect, StaticObject, World
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Box, Plane, Sphere, TriangleMesh
 
@@ -72,6 +73,7 @@ def warm_up() -> Iterator[tuple[str, float]]:
         ("soft bodies", lambda: _roll_deformable("soft")),
         ("fluids", lambda: _roll_deformable("fluid")),
         ("pictures", _draw),
+        ("reports", _push),
     ):
         yield name, _timed(work)
 
@@ -115,6 +117,13 @@ def _roll_deformable(kind: str) -> None:
     """One deformable object falling on a box on the floor, for a few steps."""
     world = World.model_validate({**_world("rigid_spatial").model_dump(), **MATERIALS[kind]})
     rollout(world, 0.05)
+
+
+def _push() -> None:
+    """The acceleration that an effect gives, which a report shows."""
+    wind = Effect(name="wind", kind="wind", parameters={"coefficient": 0.1, "velocity_x": 1.0})
+    world = _world("rigid_spatial").model_copy(update={"effects": (wind,)})
+    effect_accelerations(world, rollout(world, 0.05))
 
 
 def _draw() -> None:

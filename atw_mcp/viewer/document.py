@@ -324,7 +324,7 @@ class WorldView(Part):
 class Quantity(Part):
     """A series of a rollout."""
 
-    name: str = Field(description="kinetic_energy, potential_energy, tension, volume, ...")
+    name: str = Field(description="kinetic_energy, potential_energy, largest_tension, volume, ...")
     object: str
     unit: str
     values: Block = Field(description="float32 (T,)")

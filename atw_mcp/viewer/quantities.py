@@ -29,12 +29,12 @@ class Reading:
 
 
 READINGS: dict[tuple[str, str], tuple[Reading, ...]] = {
-    ("line", "tension"): (Reading("largest tension", "N", "largest"), Reading("mean tension", "N", "mean")),
-    ("line", "curvature"): (Reading("largest curvature", "1/m", "largest"),),
-    ("sheet", "strain"): (Reading("largest strain", "1", "largest"),),
-    ("sheet", "elastic_energy"): (Reading("elastic energy", "J", "total"),),
-    ("solid", "stress"): (Reading("largest von Mises stress", "Pa", "largest"),),
-    ("solid", "strain"): (Reading("largest strain", "1", "largest"),),
+    ("line", "tension"): (Reading("largest_tension", "N", "largest"), Reading("mean_tension", "N", "mean")),
+    ("line", "curvature"): (Reading("largest_curvature", "1/m", "largest"),),
+    ("sheet", "strain"): (Reading("largest_strain", "1", "largest"),),
+    ("sheet", "elastic_energy"): (Reading("elastic_energy", "J", "total"),),
+    ("solid", "stress"): (Reading("largest_von_mises_stress", "Pa", "largest"),),
+    ("solid", "strain"): (Reading("largest_strain", "1", "largest"),),
     ("solid", "volume"): (Reading("volume", "m^3", "total"),),
 }
 """By form of material and quantity; see `PointMotion.quantities`."""
@@ -50,8 +50,8 @@ def quantities_view(world: World, run: Trajectory, blocks: Blocks) -> list[view.
     kinetic, weight = energies(world, run, masses_of(world))
     for k, name in enumerate(run.names):
         here = run.active[:, k]
-        add("kinetic energy", name, "J", np.where(here, kinetic[:, k], np.nan))
-        add("potential energy", name, "J", np.where(here, weight[:, k], np.nan))
+        add("kinetic_energy", name, "J", np.where(here, kinetic[:, k], np.nan))
+        add("potential_energy", name, "J", np.where(here, weight[:, k], np.nan))
     for name, motion in run.deformables.items():
         item = world.deformable(name)
         form = material_of(item).form

@@ -110,7 +110,7 @@ def test_events_energies_and_floor(shown: Shown) -> None:
     assert_allclose(contact.time, MEETING, atol=1e-3)
     assert contact.participants == ["striker", "target"]
     assert_allclose(contact.impulse or 0.0, SPEED, rtol=1e-6)  # of 1 kg that stops
-    energy = {q.object: shown(q.values) for q in first.quantities if q.name == "kinetic energy"}
+    energy = {q.object: shown(q.values) for q in first.quantities if q.name == "kinetic_energy"}
     assert_allclose(energy["striker"][:: len(energy["striker"]) - 1], [0.5 * SPEED**2, 0.0], atol=1e-6)
     assert_allclose(energy["striker"] + energy["target"], 0.5 * SPEED**2, rtol=1e-5)
     floor = shown.document.worlds[0].floor

@@ -417,7 +417,7 @@ export interface Provenance {
 
 /** A series of a rollout. */
 export interface Quantity {
-  /** kinetic_energy, potential_energy, tension, volume, ... */
+  /** kinetic_energy, potential_energy, largest_tension, volume, ... */
   name: string;
   object: string;
   unit: string;
