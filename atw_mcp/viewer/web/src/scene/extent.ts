@@ -1,23 +1,31 @@
 // How much space a motion takes.
-import { Box3, Quaternion, Vector3 } from "three";
+import { Box3, Quaternion, Vector3, Vector4 } from "three";
 import type { RolloutView, Static, WorldView } from "../document";
 import type { Opened } from "../unpack";
 import { boundingRadius } from "./shapes";
 
 /** Samples and points looked at: enough for a view, without walking through every particle of a fluid. */
 const SAMPLES = 60;
-const POINTS = 400;
+const POINTS = 200;
 /** The part of all places, at either end of an axis, that is left out of the view: objects on their way out. */
 const TAIL = 0.04;
 /** An object that gets so many times farther than all others that move has left, and does not set the scale. */
 const LEFT = 4;
 
-/**
- * The box that all moving objects stay in [m], with marks and regions, and of fixed solids what is near; a cube of 1 m
- * where there is nothing.
- */
-export function extentOf(opened: Opened, world: WorldView, rollout: RolloutView | null): Box3 {
-  const box = rollout ? motion(opened, world, rollout) : new Box3();
+export interface Extent {
+  /**
+   * The box that all moving objects stay in [m], with marks and regions, and of fixed solids what is near; a cube of 1 m
+   * where there is nothing.
+   */
+  box: Box3;
+  /** Balls (x, y, z, radius) that an eye should see: where objects are at various times, corners of what is fixed [m]. */
+  places: Vector4[];
+}
+
+export function extentOf(opened: Opened, world: WorldView, rollout: RolloutView | null): Extent {
+  const places: Vector4[] = [];
+  const box = rollout ? motion(opened, world, rollout, places) : new Box3();
+  const seen = places.filter(({ x, y, z }) => box.containsPoint(new Vector3(x, y, z)));
   const point = new Vector3();
   const marks = new Box3();
   for (const { lower, upper } of world.regions) {
@@ -27,22 +35,36 @@ export function extentOf(opened: Opened, world: WorldView, rollout: RolloutView 
     for (const anchor of [joint.anchor, joint.other_anchor]) if (anchor) marks.expandByPoint(point.fromArray(anchor));
   }
   box.union(marks);
+  if (!marks.isEmpty()) seen.push(...corners(marks));
   const near = box.clone().expandByScalar(0.35 * box.getSize(point).length());
   for (const fixed of world.statics) {
     const solid = staticBox(opened, fixed);
-    if (!solid.isEmpty()) box.union(near.isEmpty() ? solid : solid.intersect(near));
+    if (solid.isEmpty() || (!near.isEmpty() && solid.intersect(near).isEmpty())) continue;
+    box.union(solid);
+    seen.push(...corners(solid));
   }
   if (box.isEmpty()) box.set(new Vector3(-0.5, -0.5, 0), new Vector3(0.5, 0.5, 1));
-  return box;
+  if (!seen.length) seen.push(...corners(box));
+  return { box, places: seen };
+}
+
+/** Both extents as one. */
+export function union(a: Extent, b: Extent): Extent {
+  return { box: a.box.clone().union(b.box), places: [...a.places, ...b.places] };
+}
+
+function corners({ min, max }: Box3): Vector4[] {
+  const corner = (i: number) => new Vector4(i & 1 ? max.x : min.x, i & 2 ? max.y : min.y, i & 4 ? max.z : min.z, 0);
+  return Array.from({ length: 8 }, (_, i) => corner(i));
 }
 
 /** The box of all moving objects, without the far part of the paths of those that have left. */
-function motion(opened: Opened, world: WorldView, rollout: RolloutView): Box3 {
+function motion(opened: Opened, world: WorldView, rollout: RolloutView, places: Vector4[]): Box3 {
   const moving: Box3[] = [];
   const whole = new Box3();
   const middles: Vector3[] = [];
   for (const name of rollout.names) {
-    const { path, first, moves } = pathOf(opened, world, rollout, name, middles);
+    const { path, first, moves } = pathOf(opened, world, rollout, name, middles, places);
     if (path.isEmpty()) continue;
     whole.union(first);
     if (moves) moving.push(path);
@@ -72,13 +94,14 @@ function usually(places: Vector3[]): Box3 {
   return box;
 }
 
-/** path: all places. first: the box at its start. middles: added to. moves: by more than its own size. */
+/** path: all places. first: the box at its start. middles, places: added to. moves: by more than its own size. */
 function pathOf(
   opened: Opened,
   world: WorldView,
   rollout: RolloutView,
   name: string,
   middles: Vector3[],
+  places: Vector4[],
 ): { path: Box3; first: Box3; moves: boolean } {
   const item = world.moving.find((m) => m.name === name);
   const path = new Box3();
@@ -100,6 +123,7 @@ function pathOf(
       const at = 3 * (deformed ? i * count + k : i * columns + column);
       const [x, y, z] = [values[at]!, values[at + 1]!, values[at + 2]!];
       if (!Number.isFinite(x + y + z)) continue;
+      places.push(new Vector4(x, y, z, radius));
       path.expandByPoint(point.set(x - radius, y - radius, z - radius));
       path.expandByPoint(point.set(x + radius, y + radius, z + radius));
     }

@@ -1,5 +1,5 @@
 // Where the scene is seen from: an orbiting eye, the video's own camera, or straight down on the plane of motion.
-import { type Box3, Matrix4, OrthographicCamera, PerspectiveCamera, Vector3 } from "three";
+import { type Box3, Matrix4, OrthographicCamera, PerspectiveCamera, Vector3, type Vector4 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { CameraView } from "../document";
 import type { Eye } from "../state";
@@ -14,6 +14,8 @@ const PRESS = Math.PI / 24;
 /** What the eyes look at. */
 export interface Subject {
   extent: Box3;
+  /** Balls (x, y, z, radius) to be seen [m]. */
+  places: Vector4[];
   /** Unit vector towards an eye that looks straight down on the plane of motion. */
   normal: Vector3;
   camera: CameraView | null;
@@ -72,11 +74,12 @@ export class Eyes {
     if (!this.subject) return;
     const { extent, normal } = this.subject;
     const centre = extent.getCenter(new Vector3());
-    this.turning.target.copy(centre);
-    this.orbit.position.copy(centre).add(this.direction());
-    this.orbit.lookAt(centre);
-    this.orbit.updateMatrixWorld();
-    this.orbit.position.copy(centre).addScaledVector(this.direction(), MARGIN * this.distance(extent, centre));
+    const direction = this.direction();
+    this.orbit.position.copy(direction);
+    this.orbit.lookAt(0, 0, 0);
+    const { target, away } = this.fit(extent.getCenter(new Vector3()));
+    this.turning.target.copy(target);
+    this.orbit.position.copy(target).addScaledVector(direction, away);
     this.turning.update();
 
     this.shifting.target.copy(centre);
@@ -104,22 +107,35 @@ export class Eyes {
     return new Vector3(Math.cos(around) * Math.cos(height), Math.sin(around) * Math.cos(height), Math.sin(height));
   }
 
-  /** From how far away the orbiting eye, turned as it is, sees all corners of the extent [m]. */
-  private distance(extent: Box3, centre: Vector3): number {
+  /** Where the orbiting eye, turned as it is, must look and from how far [m] so that all places fill the view. */
+  private fit(centre: Vector3): { target: Vector3; away: number } {
     const up = Math.tan((VIEW * Math.PI) / 360);
     const side = up * (this.size[0] / this.size[1]);
-    const back = this.orbit.matrixWorld.clone().setPosition(0, 0, 0).invert();
-    let most = 1e-3;
-    for (let i = 0; i < 8; i++) {
-      const corner = new Vector3(
-        i & 1 ? extent.max.x : extent.min.x,
-        i & 2 ? extent.max.y : extent.min.y,
-        i & 4 ? extent.max.z : extent.min.z,
-      );
-      corner.sub(centre).applyMatrix4(back);
-      most = Math.max(most, Math.abs(corner.x) / side + corner.z, Math.abs(corner.y) / up + corner.z);
+    const [right, above, back] = [new Vector3(), new Vector3(), new Vector3()];
+    this.orbit.updateMatrixWorld();
+    this.orbit.matrixWorld.extractBasis(right, above, back);
+    const target = centre.clone();
+    const place = new Vector3();
+    let away = 1e-3;
+    // the middle of what is seen depends on the distance, and the distance on the middle: a few rounds settle both
+    for (let round = 0; round < 5; round++) {
+      away = 1e-3;
+      for (const { x, y, z, w } of this.subject!.places) {
+        place.set(x, y, z).sub(target);
+        const depth = place.dot(back) + w;
+        away = Math.max(away, (Math.abs(place.dot(right)) + w) / side + depth, (Math.abs(place.dot(above)) + w) / up + depth);
+      }
+      const [low, high] = [new Vector3(Infinity, Infinity, 0), new Vector3(-Infinity, -Infinity, 0)];
+      for (const { x, y, z, w } of this.subject!.places) {
+        place.set(x, y, z).sub(target);
+        const depth = Math.max(away - place.dot(back), 1e-6);
+        const [u, v] = [place.dot(right), place.dot(above)];
+        low.min(place.set((u - w) / depth, (v - w) / depth, 0));
+        high.max(place.set((u + w) / depth, (v + w) / depth, 0));
+      }
+      target.addScaledVector(right, (away * (low.x + high.x)) / 2).addScaledVector(above, (away * (low.y + high.y)) / 2);
     }
-    return most;
+    return { target, away: MARGIN * away };
   }
 
   /** width, height: of one view [CSS px]. */

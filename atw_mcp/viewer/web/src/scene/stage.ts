@@ -3,7 +3,7 @@ import { Raycaster, Vector2, Vector3, WebGLRenderer } from "three";
 import type { Eye } from "../state";
 import type { CameraView, RolloutView, WorldView } from "../document";
 import type { Opened } from "../unpack";
-import { extentOf } from "./extent";
+import { extentOf, union } from "./extent";
 import { Eyes } from "./eyes";
 import { Labels, type Window } from "./labels";
 import type { Palette } from "./palette";
@@ -103,7 +103,10 @@ export class Stage {
       down = null;
     });
     canvas.addEventListener("wheel", () => (this.eyes.moved = true), { passive: true });
-    canvas.addEventListener("webglcontextrestored", () => this.request());
+    canvas.addEventListener("webglcontextrestored", () => {
+      this.stale = true; // shadows too
+      this.request();
+    });
   }
 
   /** Show rollouts; the eye stays where it is, unless nothing was shown before. */
@@ -118,13 +121,15 @@ export class Stage {
     this.palette = palette;
     for (const view of this.views) view.dispose();
     const { opened, shown, other, arrangement } = subjects;
-    const extent = extentOf(opened, shown.world, shown.rollout);
-    if (other) extent.union(extentOf(opened, other.world, other.rollout));
+    let extent = extentOf(opened, shown.world, shown.rollout);
+    if (other) extent = union(extent, extentOf(opened, other.world, other.rollout));
     const ghost = arrangement === "ghost" ? other : null;
-    this.views = [new View({ opened, ...shown, ghost, extent }, palette)];
-    if (arrangement === "side" && other) this.views.push(new View({ opened, ...other, ghost: null, extent }, palette));
+    this.views = [new View({ opened, ...shown, ghost, extent: extent.box }, palette)];
+    if (arrangement === "side" && other) {
+      this.views.push(new View({ opened, ...other, ghost: null, extent: extent.box }, palette));
+    }
     this.resize();
-    this.eyes.look({ extent, normal: planeNormal(opened, shown.world, shown.rollout), camera: shown.world.camera });
+    this.eyes.look({ extent: extent.box, places: extent.places, normal: planeNormal(opened, shown.world, shown.rollout), camera: shown.world.camera });
     for (const view of this.views) view.highlight(this.chosen);
     this.renderer.setClearColor(palette.background);
     this.stale = true;

@@ -75,8 +75,8 @@ export function buildWorld(
   };
 
   if (!options.withoutStatics) {
-    const extent = extentOf(opened, world, rollout);
-    const reach = extent.max.distanceTo(extent.min);
+    const { box } = extentOf(opened, world, rollout);
+    const reach = box.max.distanceTo(box.min);
     for (const fixed of world.statics) {
       const solid = new Mesh(
         shapeGeometry(opened, fixed.shape, reach),
