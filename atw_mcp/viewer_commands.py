@@ -1,4 +1,4 @@
-"""`atw-mcp report`: a case as one HTML file, to be looked at in any browser and mailed."""
+"""Cases to look at: `atw-mcp report` writes one as an HTML file, `atw-mcp view` follows it in a browser."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ OK, FAILED = 0, 1
 
 
 def add_parser(commands: Any) -> None:
-    """Declare the command."""
+    """Declare the commands."""
     report = commands.add_parser(
         "report",
         help="write a case as one HTML file: video, worlds, rollouts, fits, answers, and what they rest on",
@@ -25,6 +25,18 @@ def add_parser(commands: Any) -> None:
         "--store", type=Path, metavar="FILE", help="evidence store (default: in the user's data folder)"
     )
     report.set_defaults(command=run)
+
+    view = commands.add_parser(
+        "view",
+        help="look at a case in a browser and follow it while it is worked on",
+        description="Serve a page on this machine that shows a case, or lists all, and follows what is added to it. It "
+        "only reads the store. Whoever has the address that is printed can read it too.",
+    )
+    view.add_argument("case", nargs="?", metavar="CASE", help="default: a list of all cases")
+    view.add_argument("--port", type=int, default=0, help="port on 127.0.0.1 (default: any that is free)")
+    view.add_argument("--no-browser", action="store_true", help="only print the address")
+    view.add_argument("--store", type=Path, metavar="FILE", help="evidence store (default: in the user's data folder)")
+    view.set_defaults(command=run_view)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -46,6 +58,29 @@ def run(options: argparse.Namespace) -> int:
     return OK
 
 
+def run_view(options: argparse.Namespace) -> int:
+    """Follow a case until a signal ends the process; returns the exit code."""
+    from atw_mcp.viewer.live.command import view
+    from evidence_store import StoreError
+
+    try:
+        return view(_store(options), options.case, options.port, browser=not options.no_browser)
+    except (StoreError, FileNotFoundError) as error:
+        return _failed(str(error))
+    except OverflowError:
+        return _failed(f"{options.port} is no port: 0 to 65535")
+    except OSError as error:
+        return _failed(f"cannot listen on 127.0.0.1, port {options.port} ({error.strerror or error})")
+
+
+def _store(options: argparse.Namespace) -> Path:
+    if options.store is not None:
+        return Path(options.store).expanduser().absolute()
+    from atw_mcp.server import default_store  # imports every tool: only where its answer is wanted
+
+    return default_store()
+
+
 def _report(options: argparse.Namespace) -> tuple[str, list[str]]:
     """Return the page, and sentences about what it does not show."""
     from atw_mcp.viewer.case_document import case_document
@@ -54,12 +89,7 @@ def _report(options: argparse.Namespace) -> tuple[str, list[str]]:
     from atw_mcp.viewer.page import page
     from evidence_store import EvidenceStore
 
-    store = options.store
-    if store is None:
-        from atw_mcp.server import default_store  # imports every tool: only where its answer is wanted
-
-        store = default_store()
-    opened = EvidenceStore.to_read(store)
+    opened = EvidenceStore.to_read(_store(options))
     try:
         document, blocks = case_document(opened, options.case, first=options.rollout)
         case = opened.cases.get(options.case)

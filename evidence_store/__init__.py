@@ -23,7 +23,7 @@ from evidence_store.errors import (
 )
 from evidence_store.evidence import Evidence, EvidencePage, Status
 from evidence_store.jobs import Job
-from evidence_store.reading import ChangeWatch
+from evidence_store.reading import ChangeWatch, revision
 from evidence_store.store import EvidenceStore
 from evidence_store.tasks import Task
 from evidence_store.worlds import Descent
@@ -55,5 +55,6 @@ __all__ = [
     "Task",
     "UnknownRecord",
     "content_id",
+    "revision",
     "to_json",
 ]

@@ -17,6 +17,7 @@ from atw_mcp.viewer.observed import observed_view, run_view, tracks_view
 from atw_mcp.viewer.packing import Blocks
 from atw_mcp.viewer.records import CaseRecords, read_case
 from atw_mcp.viewer.rollouts import rollout_view
+from atw_mcp.viewer.running import running_views
 from atw_mcp.viewer.sampling import numbers_per_sample, shares
 from atw_mcp.viewer.worlds import world_view
 from evidence_store import Evidence, EvidenceStore, StoreError
@@ -51,7 +52,7 @@ def case_document(
         gaps=gaps,
         evidence=[evidence_row(row) for row in read.evidence],
         provenance=provenance(store, read.case.id, read.missing),
-        running=[],
+        running=running_views(store, read.case.id),
         shown=[rollout for rollout in first if rollout in read.rollouts][:2],
     )
     document.missing = list(dict.fromkeys(read.missing))  # the same damage may be met twice
