@@ -147,7 +147,7 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument(
         "--output", type=Path, default=Path("atw-demo"), help="folder for the pictures (default: %(default)s)"
     )
-    _add_store(demo)
+    demo.add_argument("--store", type=Path, metavar="FILE", help="evidence store (default: demo.db in that folder)")
     add_device(demo)
     demo.set_defaults(command=_demo)
 
@@ -265,15 +265,11 @@ def _shell(options: argparse.Namespace) -> int:
 
 
 def _demo(options: argparse.Namespace) -> int:
-    import tempfile
-
-    with (
-        tempfile.TemporaryDirectory(prefix="atw-demo-") as folder,
-        server_process.started(options.store or Path(folder) / "demo.db") as server,
-    ):
+    store = options.store or options.output / "demo.db"
+    with server_process.started(store) as server:
         from atw_mcp.sessions import show_demo
 
-        return OK if show_demo(server, options.which, options.output) else FAILED
+        return OK if show_demo(server, options.which, options.output, store) else FAILED
 
 
 def _schema(options: argparse.Namespace) -> int:

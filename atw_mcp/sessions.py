@@ -77,12 +77,12 @@ def call_lines(server: Server, known: Mapping[str, Any], show: Show) -> bool:
         return run_shell(call, manifest.entries(), known, show)
 
 
-def show_demo(server: Server, which: str, output: Path) -> bool:
+def show_demo(server: Server, which: str, output: Path, store: Path) -> bool:
     """Run a demo; returns whether it succeeded."""
     from atw_mcp.demo.narrate import demo  # OpenCV
 
     async def work(session: Session) -> None:
-        await demo(session, which, output, sys.stdout)
+        await demo(session, which, output, store, sys.stdout)
 
     return in_session(server, work)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shlex
+import sys
 import textwrap
 import time
 from collections.abc import Awaitable, Callable
@@ -59,8 +62,8 @@ class Demo:
     pictures: tuple[tuple[str, str], ...]
 
 
-async def demo(session: Session, which: str, folder: Path, out: TextIO) -> None:
-    """Run one of `DEMOS`; pictures are written to `folder`."""
+async def demo(session: Session, which: str, folder: Path, store: Path, out: TextIO) -> None:
+    """Run one of `DEMOS` on the session's store; pictures are written to `folder`."""
     began = time.perf_counter()
     chosen = DEMOS[which]
     narrator = Narrator(out)
@@ -78,7 +81,17 @@ async def demo(session: Session, which: str, folder: Path, out: TextIO) -> None:
     narrator.say("")
     for name, what in chosen.pictures:
         narrator.say(f"Picture of {what}: {_write_pictures(results[name], folder, name)}")
-    narrator.say(f"Done in {time.perf_counter() - began:.1f} s.")
+    narrator.say(f"Done in {time.perf_counter() - began:.1f} s. To see all of it in a browser:")
+    print(
+        f"   {_program()} view {results['open'].body['case']} --store {shlex.quote(str(store))}", file=out, flush=True
+    )
+
+
+def _program() -> str:
+    """Return how this program was called, to call it again: by uv, in a project or from its cache, or directly."""
+    if "UV" not in os.environ:
+        return "atw-mcp"
+    return "uvx atw-mcp" if "archive-v" in sys.prefix else "uv run atw-mcp"
 
 
 async def _new_name(session: Session) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
 import cv2
 import pytest
 
-from atw_mcp.cli import main
+from atw_mcp.cli import _parser, main
 
 
 def printed(folder: Path, *options: str, which: str = "collision") -> str:
@@ -55,6 +56,12 @@ def test_demo_pictures_can_be_opened(demo: tuple[str, Path]) -> None:
         assert min(image.shape[:2]) > 600
 
 
+def test_demo_ends_with_the_command_that_shows_what_happened(demo: tuple[str, Path], folder: Path) -> None:
+    words = shlex.split(demo[0].splitlines()[-1])
+    assert words[-5:] == ["atw-mcp", "view", "demo-1", "--store", str(folder / "demo.db")]
+    assert _parser().parse_args(words[words.index("view") :]).case == "demo-1"
+
+
 @pytest.mark.usefixtures("server_here")
 def test_demo_can_be_run_again_on_its_store_and_says_the_same(demo: tuple[str, Path], folder: Path) -> None:
     def findings(text: str) -> str:
@@ -83,4 +90,5 @@ def test_demo_of_the_gap_names_what_is_hidden_and_predicts_a_run_that_was_not_fi
     for name, without, predicted in rows:
         assert float(predicted) < 12, name  # [mm]
         assert float(without) > 60, name
-    assert all(cv2.imread(str(path)) is not None for path in (tmp_path / "pictures").iterdir())
+    assert all(cv2.imread(str(path)) is not None for path in (tmp_path / "pictures").glob("*.png"))
+    assert (tmp_path / "pictures" / "demo.db").is_file(), "kept, to be looked at"
