@@ -72,9 +72,9 @@ FLOORS = {
         ("fitting",),
         ("probing",),
         ("gap",),
-        ("viewer",),
         ("tools",),
         ("transports",),
+        ("viewer",),
     ),
 }
 """Rooms of a package from the ground up; those of one floor may import each other."""

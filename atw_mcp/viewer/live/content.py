@@ -1,4 +1,4 @@
-"""What the live page shows of a store, made when it is asked for and kept as long as nothing in it changes."""
+"""Make what the live page shows of a store when it is asked for, and keep it as long as nothing in it changes."""
 
 from __future__ import annotations
 
