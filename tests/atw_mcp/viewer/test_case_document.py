@@ -14,13 +14,14 @@ import pytest
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
-from atw_mcp.viewer import typescript
+from atw_mcp.calls.app import App
+from atw_mcp.viewer import records, typescript
 from atw_mcp.viewer.case_document import case_document
 from atw_mcp.viewer.document import Block, ViewDocument
 from atw_mcp.viewer.packing import Blocks, packed, unpacked
-from atw_mcp.worlds.rollouts import rollout_from
+from atw_mcp.worlds.rollouts import compute_rollout, rollout_from
 from evidence_store import Evidence, EvidenceStore, UnknownRecord
-from tests.atw_mcp.two_discs import FRAME, GAP, MEETING, SPEED
+from tests.atw_mcp.two_discs import FRAME, GAP, MEETING, SPEED, two_discs
 from tests.atw_mcp.viewer.stores import ASIDE, HORIZON, SEEN, SIGMA, SIZE, discs_store, mask, opened
 from tests.evidence_store.records import filled, tamper
 
@@ -227,6 +228,30 @@ def test_a_case_without_a_world_shows_what_was_observed(tmp_path: Path) -> None:
     document, _ = case_document(store, "empty")
     assert (document.case.kind, document.worlds, document.observed) == ("none", [], None)
     assert document.missing == ["The case has no world yet."]
+
+
+def test_of_very_many_rollouts_those_used_last_are_shown(
+    written: tuple[Path, str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, base, edited = written
+    monkeypatch.setattr(records, "MOST_ROLLOUTS", 1)
+    document = read(path)
+    assert [r.id for r in document.rollouts] == [edited]
+    assert any("1 of 2 rollouts are not shown" in sentence for sentence in document.missing)
+    assert [r.id for r in read(path, first=[base]).rollouts] == [base]
+
+
+def test_several_worlds_and_rollouts_of_a_kind_are_labelled_apart(copied: Path) -> None:
+    app = App(copied)
+    case, world = app.store.cases.get(CASE), two_discs()
+    app.keep_world(case, world.with_substep(0.001), how="built")
+    longer, _ = compute_rollout(app, world, 1.4)
+    app.store.evidence.add(Evidence("Rollout", {}, case=CASE, rollout=longer))
+    app.close()
+    document = read(copied)
+    assert [w.label for w in document.worlds] == ["as built", "without target", "as built (2)"]
+    assert [r.label for r in document.rollouts] == ["as built, to 1.2 s", "without target", "as built, to 1.4 s"]
+    assert document.rollouts[1].base == document.rollouts[0].id  # of the same length
 
 
 def test_work_of_a_process_that_ended_is_not_running(copied: Path) -> None:

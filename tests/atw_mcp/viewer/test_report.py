@@ -49,6 +49,8 @@ def test_the_file_holds_the_document_and_what_is_missing_is_printed(
     printed = capsys.readouterr().out
     assert "report.html" in printed
     assert all(f"not shown: {sentence}" in printed for sentence in document.missing)
+    assert document.film is None
+    assert any("discs.mp4 is not where it was" in sentence for sentence in document.missing)  # a video that has moved
     assert store.read_bytes() == before
 
 
