@@ -100,7 +100,7 @@ def test_parts_are_of_one_state_of_the_case(session: Session, monkeypatch: pytes
     ("address", "why"),
     [
         ("atw://view/nothing", "no case 'nothing'"),
-        (f"{ADDRESS}?rollouts=rollout-0", "case 'discs' has no rollout 'rollout-0'"),
+        (f"{ADDRESS}?rollouts=rollout-0", "has no rollout 'rollout-0'"),
         (f"{ADDRESS}/{'0' * 64}/0", "no part 0 of 000000000000"),
         (f"{ADDRESS}/{'0' * 64}/first", "a part is a number from 0, got 'first'"),
     ],
