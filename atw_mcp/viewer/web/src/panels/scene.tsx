@@ -1,6 +1,7 @@
 // The world in three dimensions: one rollout, two side by side, or one with the other as a ghost.
 import { effect, signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import { type Lane, visibleLanes } from "../events";
 import { quantity, words } from "../format";
 import { Axes, axesOf } from "../scene/axes";
 import { palette } from "../scene/palette";
@@ -213,6 +214,10 @@ function start(host: HTMLElement, labels: HTMLElement): () => void {
       const keys = made.views.flatMap((v) => v.keys);
       const once = keys.filter((k, i) => keys.findIndex((o) => o.name === k.name) === i);
       notes.value = { keys: once, missing, grid, fast: [...(first?.meshes.speeds ?? [])] };
+    }),
+    effect(() => {
+      const of = (role: Lane["role"]) => visibleLanes.value.find((lane) => lane.role === role)?.marks ?? [];
+      made.setEvents(of("base"), of("branch"));
     }),
     effect(() => made.setTime(time.value)),
     effect(() => made.choose(object.value)),

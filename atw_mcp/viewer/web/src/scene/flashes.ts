@@ -1,6 +1,7 @@
 // Events, flashing where they happen: a ring that grows and fades.
 import { Color } from "three";
-import type { EventMark, RolloutView } from "../document";
+import type { EventMark } from "../document";
+import type { Mark } from "../events";
 import { Dots } from "./dots";
 
 /** How long an event is seen after it began [s of the world]. */
@@ -25,13 +26,17 @@ export const EVENT_COLORS: EventColors = {
 
 export class Flashes {
   private readonly dots: Dots;
-  private readonly events: EventMark[];
-  private readonly strongest: number;
+  private marks: Mark[] = [];
+  private strongest = 0;
 
-  constructor(rollout: RolloutView, rim: Color) {
-    this.events = rollout.events.filter((e) => e.position !== null);
-    this.strongest = Math.max(0, ...this.events.map((e) => e.impulse ?? 0));
-    this.dots = new Dots(2 * Math.max(1, this.events.length), rim);
+  /** rim: colour around discs. */
+  constructor(rim: Color) {
+    this.dots = new Dots(2 * MOST, rim);
+  }
+
+  show(marks: Mark[]): void {
+    this.marks = marks.filter((m) => m.event.position !== null);
+    this.strongest = this.marks.reduce((most, m) => Math.max(most, m.event.impulse ?? 0), 0);
   }
 
   get object() {
@@ -39,12 +44,12 @@ export class Flashes {
   }
 
   /** Events seen at `t` [s], the strongest first. */
-  setTime(t: number): EventMark[] {
-    const seen: EventMark[] = [];
+  setTime(t: number): Mark[] {
+    const seen: Mark[] = [];
     this.dots.clear();
-    for (const event of this.events) if (t >= event.time && t < event.time + SHOWN) seen.push(event);
-    seen.sort((a, b) => (b.impulse ?? 0) - (a.impulse ?? 0)).splice(MOST);
-    for (const event of seen) {
+    for (const mark of this.marks) if (t >= mark.event.time && t < mark.event.time + SHOWN) seen.push(mark);
+    seen.sort((a, b) => (b.event.impulse ?? 0) - (a.event.impulse ?? 0)).splice(MOST);
+    for (const { event } of seen) {
       const age = (t - event.time) / SHOWN;
       const [x, y, z] = event.position as [number, number, number];
       const color = EVENT_COLORS[event.kind];

@@ -71,7 +71,7 @@ export class Labels {
         if (label.object) Object.assign(one.element.dataset, { object: label.object, x, y: seen });
         if (label.value !== undefined) one.element.dataset.value = String(label.value);
         const y = seen - LIFT - (label.above ? clear(label, camera, window) : 0);
-        x = Math.min(Math.max(x, window.x + one.width / 2 + 2), window.x + window.width - one.width / 2 - 2);
+        x = Math.max(Math.min(x, window.x + window.width - one.width / 2 - 2), window.x + one.width / 2 + 2);
         const free = taken.every(([tx, ty, tw]) => Math.abs(ty - y) > HEIGHT || Math.abs(tx - x) > (tw + one.width) / 2);
         if (!free && !label.chosen) continue;
         taken.push([x, y, one.width]);

@@ -2,6 +2,7 @@
 import { Raycaster, Vector2, Vector3, WebGLRenderer } from "three";
 import type { Eye } from "../state";
 import type { CameraView, RolloutView, WorldView } from "../document";
+import type { Mark } from "../events";
 import type { Opened } from "../unpack";
 import { extentOf, union } from "./extent";
 import { Eyes } from "./eyes";
@@ -67,6 +68,7 @@ export class Stage {
   private chosen: string | null = null;
   private followed: string | null = null;
   private visible: Shown = { names: true, trails: true, joints: true, effects: true, events: true };
+  private events: [Mark[], Mark[]] = [[], []];
   private stale = true;
   private waiting = 0;
 
@@ -131,6 +133,7 @@ export class Stage {
     this.resize();
     this.eyes.look({ extent: extent.box, places: extent.places, normal: planeNormal(opened, shown.world, shown.rollout), camera: shown.world.camera });
     for (const view of this.views) view.highlight(this.chosen);
+    this.mark();
     this.renderer.setClearColor(palette.background);
     this.stale = true;
     this.request();
@@ -140,6 +143,21 @@ export class Stage {
     this.time = t;
     this.stale = true;
     this.request();
+  }
+
+  /** Events of the rollout shown and of the other one. */
+  setEvents(shown: Mark[], other: Mark[]): void {
+    this.events = [shown, other];
+    this.mark();
+    this.stale = true;
+    this.request();
+  }
+
+  private mark(): void {
+    const [shown, other] = this.events;
+    const ghost = this.subjects?.arrangement === "ghost" ? other.filter((m) => m.change) : [];
+    this.views[0]?.setEvents([...shown, ...ghost]);
+    this.views[1]?.setEvents(other);
   }
 
   choose(name: string | null): void {

@@ -12,6 +12,7 @@ import {
   Vector3,
 } from "three";
 import { quantity, words } from "../format";
+import { happening, type Mark } from "../events";
 import type { EventMark, Plane, RolloutView, WorldView } from "../document";
 import type { Opened } from "../unpack";
 import { Ghost } from "./compare";
@@ -51,14 +52,15 @@ const NAMES = 60;
 const TARGETS = 8;
 /** Events that are named at once: the strongest. */
 const NAMED = 3;
-const EVENT_WORDS: Record<EventMark["kind"], string> = {
-  contact_begin: "contact",
-  contact_end: "parted",
-  entry: "entered",
-  exit: "left",
-  rest: "came to rest",
-  release: "released",
-};
+/** Before an event that only one of two rollouts has. */
+const CHANGES: Record<Mark["change"], string> = { "": "", gone: "− gone: ", new: "+ new: " };
+
+/** What happened, in a few words; the ring says where. */
+function brief(event: EventMark): string {
+  if (event.kind !== "contact_begin") return happening(event);
+  const strength = event.impulse === null ? "" : ` ${quantity(event.impulse, "N s", 3)}`;
+  return `${event.participants.map(words).join(" × ")}${strength}`;
+}
 
 export class View {
   readonly scene = new Scene();
@@ -74,13 +76,13 @@ export class View {
   private readonly trails: Trails | null = null;
   private readonly marks: Marks;
   private readonly pushes: Pushes;
-  private readonly flashes: Flashes | null = null;
+  private readonly flashes: Flashes;
   private readonly size: number;
   private readonly cutaway: Cutaway;
   private readonly radii: Map<string, number>;
   private highlighted: string | null = null;
   private edge: Object3D | null = null;
-  private seen: EventMark[] = [];
+  private seen: Mark[] = [];
   private differences: Label[] = [];
 
   constructor(
@@ -105,9 +107,10 @@ export class View {
     this.scene.add(this.marks.object, this.pushes.object);
     if (rollout) {
       this.trails = new Trails(opened, world, rollout, this.size, palette.floor, false);
-      this.flashes = new Flashes(rollout, palette.rim);
-      this.scene.add(this.trails.object, this.flashes.object);
+      this.scene.add(this.trails.object);
     }
+    this.flashes = new Flashes(palette.rim);
+    this.scene.add(this.flashes.object);
     if (of.ghost && rollout) {
       this.ghost = new Ghost(opened, { world, rollout }, of.ghost, this.meshes, this.size, palette.branch);
       this.ghostTrails = new Trails(opened, of.ghost.world, of.ghost.rollout, this.size, palette.floor, true);
@@ -173,19 +176,24 @@ export class View {
     this.scene.add(lamp, lamp.target, fill, fill.target);
   }
 
+  /** Events of the rollout, and of a ghost those that it does not share. */
+  setEvents(marks: Mark[]): void {
+    this.flashes.show(marks);
+  }
+
   setTime(t: number, shown: Shown): void {
     this.meshes.setTime(t);
     this.marks.update();
     if (shown.effects) this.pushes.setTime(t);
     this.trails?.setTime(t);
     this.ghostTrails?.setTime(t);
-    this.seen = this.flashes?.setTime(t) ?? [];
+    this.seen = this.flashes.setTime(t);
     this.differences = this.ghost?.setTime(t) ?? [];
     this.marks.object.visible = shown.joints;
     this.pushes.object.visible = shown.effects;
     if (this.trails) this.trails.object.visible = shown.trails;
     if (this.ghostTrails) this.ghostTrails.object.visible = shown.trails;
-    if (this.flashes) this.flashes.object.visible = shown.events;
+    this.flashes.object.visible = shown.events;
     this.write(shown);
   }
 
@@ -243,12 +251,13 @@ export class View {
     if (this.highlighted !== null) label(this.highlighted);
     labels.push(...this.differences);
     if (shown.events) {
-      for (const event of this.seen.slice(0, NAMED)) {
-        const strength = event.impulse !== null ? ` ${quantity(event.impulse, "N s", 3)}` : "";
-        const text = `${EVENT_WORDS[event.kind]}: ${event.participants.map(words).join(" – ")}${strength}`;
+      // what lies on the ground touches it again and again: rings are enough
+      for (const { event, change } of this.seen.filter((m) => !m.ground || m.change).slice(0, NAMED)) {
+        const text = `${CHANGES[change]}${brief(event)}`;
         const at = new Vector3().fromArray(event.position!);
         const color = `#${EVENT_COLORS[event.kind].getHexString()}`;
-        labels.push({ key: `${event.kind}@${event.time}${event.participants.join()}`, text, at, color, kind: "event" });
+        const key = `${event.kind}@${event.time}${event.participants.join()}${change}`;
+        labels.push({ key, text, at, color, kind: change || "event" });
       }
     }
     if (shown.names && names.length <= NAMES) {
