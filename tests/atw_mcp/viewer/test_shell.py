@@ -114,6 +114,9 @@ def test_series_show_the_values_of_both_rollouts_and_of_the_observation(page: Pa
     assert box is not None
     plot.click(position={"x": box["width"] / 3, "y": 40})
     assert _time(page) == pytest.approx(TIMES[-1] / 3, abs=TIMES[-1] / box["width"]), "a click goes to its moment"
+    cursor = page.locator(".series .now").bounding_box()
+    assert cursor is not None
+    assert cursor["x"] - box["x"] == pytest.approx(box["width"] / 3, abs=2), "the plot shows the clock's time"
 
 
 def test_events_are_marked_on_the_lane_of_their_rollout(page: Page) -> None:

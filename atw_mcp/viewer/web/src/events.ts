@@ -106,7 +106,7 @@ export function eventLabel(mark: Mark): string {
 }
 
 function laneOf(shown: RolloutView, role: Lane["role"]): Lane {
-  const found = comparison.value;
+  const found = other.value ? comparison.value : null; // marks of a rollout that is out of sight would be riddles
   const gone = found?.base === shown.id ? found.gone : [];
   const fresh = found?.edited === shown.id ? found.new : [];
   const ground = groundNames(shown);

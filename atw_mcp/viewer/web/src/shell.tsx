@@ -1,5 +1,6 @@
 // The page: the case, the film beside the scene, time, and one of several panels below.
 import type { ComponentType } from "preact";
+import { useEffect, useRef } from "preact/hooks";
 import { document, failure, layout, progress, tab, type Tab } from "./state";
 import type { ViewDocument } from "./document";
 import { Choosers } from "./panels/choosers";
@@ -85,6 +86,12 @@ export function Shell() {
 function Below({ doc }: { doc: ViewDocument }) {
   const present = PANELS.filter((p) => p.has(doc));
   const current = present.find((p) => p.name === tab.value) ?? present[0]!;
+  const strip = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    const chosen = strip.current!.querySelector<HTMLElement>('[aria-selected="true"]')!;
+    const room = strip.current!.clientWidth - chosen.offsetWidth;
+    strip.current!.scrollLeft = chosen.offsetLeft - strip.current!.offsetLeft - room / 2; // in sight on a phone
+  }, [current.name]);
   const turn = (event: KeyboardEvent) => {
     const step = event.key === "ArrowRight" ? 1 : event.key === "ArrowLeft" ? -1 : 0;
     if (step === 0) return;
@@ -95,7 +102,7 @@ function Below({ doc }: { doc: ViewDocument }) {
   };
   return (
     <section class="below panel" aria-label="details">
-      <div class="tabs" role="tablist" aria-label="details" onKeyDown={turn}>
+      <div class="tabs" role="tablist" aria-label="details" ref={strip} onKeyDown={turn}>
         {present.map(({ name, title }) => (
           <button
             key={name}

@@ -158,7 +158,7 @@ function Plot() {
   const mark = () => {
     if (!made.current || !now.current) return;
     const over = made.current.over;
-    const x = made.current.valToPos(time.value, "x");
+    const x = made.current.valToPos(time.peek(), "x");
     now.current.style.transform = `translateX(${over.offsetLeft + x}px)`;
     now.current.style.height = `${over.clientHeight}px`;
     now.current.hidden = x < 0 || x > over.clientWidth;
@@ -167,8 +167,8 @@ function Plot() {
     void dark.value;
     void view.value;
     if (!into.current || size.value.width < 50 || !measure.value) return;
-    made.current = plot(into.current, size.value, measure.value, lines.value, dots.value, (t) => (pointed.value = t));
-    mark();
+    const hover = (t: number | null) => (pointed.value = t);
+    made.current = plot(into.current, size.value, measure.value, lines.value, dots.value, { hover, drawn: mark });
     return () => {
       made.current?.destroy();
       made.current = null;

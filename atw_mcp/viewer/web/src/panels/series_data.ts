@@ -1,4 +1,5 @@
 // Series of a rollout over time: what can be drawn of an object, and its numbers.
+import { words } from "../format";
 import type { RolloutView, Tracks } from "../document";
 import { opened } from "../state";
 import type { Opened } from "../unpack";
@@ -37,6 +38,8 @@ const RESIDUALS: Measure[] = [
   { name: "distance", title: "residual distance", unit: "m" },
   { name: "sigmas", title: "residual in sigmas", unit: "σ" },
 ];
+const KINETIC = "kinetic_energy";
+const POTENTIAL = "potential_energy";
 const TOTAL: Measure = { name: "total_energy", title: "total energy", unit: "J" };
 
 /** What can be drawn of any of these rollouts and tracks. */
@@ -44,9 +47,9 @@ export function measures(rollouts: RolloutView[], tracks: Tracks[]): Measure[] {
   const found = rollouts.length ? [...MOTION] : tracks.length ? MOTION.slice(0, 3) : [];
   if (rollouts.some((r) => r.misfits.length)) found.push(...RESIDUALS);
   for (const { name, unit } of rollouts.flatMap((r) => r.quantities))
-    if (!found.some((m) => m.name === name)) found.push({ name, title: name.replaceAll("_", " "), unit });
+    if (!found.some((m) => m.name === name)) found.push({ name, title: words(name), unit });
   const has = (name: string) => found.some((m) => m.name === name);
-  if (has("kinetic_energy") && has("potential_energy") && !has(TOTAL.name)) found.push(TOTAL);
+  if (has(KINETIC) && has(POTENTIAL) && !has(TOTAL.name)) found.push(TOTAL);
   return found;
 }
 
@@ -55,7 +58,7 @@ export function holders(measure: Measure, rollouts: RolloutView[], tracks: Track
   const names = rollouts.flatMap((r) => {
     if (MOTION.includes(measure)) return r.names;
     if (RESIDUALS.includes(measure)) return r.misfits.map((m) => m.object);
-    const wanted = measure === TOTAL ? "kinetic_energy" : measure.name;
+    const wanted = measure === TOTAL ? KINETIC : measure.name;
     return r.quantities.filter((q) => q.name === wanted).map((q) => q.object);
   });
   if (measure.coordinate !== undefined) names.push(...tracks.flatMap((t) => t.names));
@@ -94,7 +97,7 @@ function computedPoints(source: Opened, measure: Measure, rollout: RolloutView, 
     const values = quantity(measure.name);
     return values && { times, values };
   }
-  const [kinetic, potential] = [quantity("kinetic_energy"), quantity("potential_energy")];
+  const [kinetic, potential] = [quantity(KINETIC), quantity(POTENTIAL)];
   return kinetic && potential && { times, values: kinetic.map((k, i) => k + potential[i]!) };
 }
 

@@ -28,14 +28,20 @@ const PER_PIXEL = 2;
 /** A pointer that moved less between press and release clicked [px]. */
 const CLICK = 4;
 
-/** Draw a plot into an element; `hover` is called with the moment under the pointer, null when it leaves. */
+/** What a plot reports: the moment under the pointer, null where it left, and that it was drawn. */
+export interface Reports {
+  hover: (t: number | null) => void;
+  drawn: () => void;
+}
+
+/** Draw a plot into an element. */
 export function plot(
   into: HTMLElement,
   size: { width: number; height: number },
   measure: Measure,
   lines: Line[],
   dots: Dots[],
-  hover: (t: number | null) => void,
+  reports: Reports,
 ): uPlot {
   const [from, to] = view.value;
   const most = Math.max(Math.round(size.width * PER_PIXEL), 100);
@@ -74,8 +80,8 @@ export function plot(
       ...dots.map<uPlot.Series>((dot) => ({ stroke: legible(dot.color), paths: () => null, points: { show: false } })),
     ],
     hooks: {
-      draw: [(u) => drawDots(u, dots, [from, to]), (u) => drawLabels(u, lines)],
-      setCursor: [(u) => hover((u.cursor.left ?? -1) < 0 ? null : u.posToVal(u.cursor.left!, "x"))],
+      draw: [(u) => drawDots(u, dots, [from, to]), (u) => drawLabels(u, lines), () => reports.drawn()],
+      setCursor: [(u) => reports.hover((u.cursor.left ?? -1) < 0 ? null : u.posToVal(u.cursor.left!, "x"))],
       setSelect: [(u) => select(u)],
       ready: [(u) => u.over.addEventListener("dblclick", () => (zoomed.value = null))],
     },
