@@ -25,15 +25,17 @@ COLUMNS = ("times", "observed", "before", "residual_before", "after", "residual_
 
 @dataclass(frozen=True)
 class Residuals:
-    """One object in one run, or in a part of it.
+    """One kind of measurement (position, rotation, spin) of one object in one run, or in a part of it.
 
     times (T,) [s] since the start of the whole run. observed, before, after (T, 3) [m]: measured, and simulated without
     an effect and with it; residual_before, residual_after (T, 3): simulated less observed in standard deviations. NaN
-    where nothing was measured, and in all of after where no effect was fitted. held_out: no step fitted these data.
+    where nothing was measured, and in all of after where no effect was fitted; before and after are those of positions
+    alone. held_out: no step fitted these data.
     """
 
     run: str
     name: str
+    kind: str
     held_out: bool
     times: Array
     observed: Array
@@ -53,7 +55,7 @@ class GapNumbers:
     def to_record(self) -> tuple[dict[str, Any], dict[str, NDArray[np.float32]]]:
         """Return the JSON part and the arrays, those of all series end to end."""
         document = {
-            "residuals": [[s.run, s.name, s.held_out, len(s.times)] for s in self.residuals],
+            "residuals": [[s.run, s.name, s.kind, s.held_out, len(s.times)] for s in self.residuals],
             "jumps": None if self.jumps is None else [[j.run, j.name] for j in self.jumps],
         }
         arrays = {
@@ -73,8 +75,8 @@ class GapNumbers:
         ends = np.cumsum([count for *_, count in listed])[:-1]
         columns = [np.split(arrays[f"residuals.{column}"].astype(float), ends) for column in COLUMNS if listed]
         residuals = tuple(
-            Residuals(run, name, held_out, *parts)
-            for (run, name, held_out, _), *parts in zip(listed, *columns, strict=True)
+            Residuals(run, name, kind, held_out, *parts)
+            for (run, name, kind, held_out, _), *parts in zip(listed, *columns, strict=True)
         )
         if document["jumps"] is None:
             return cls(residuals)
@@ -119,19 +121,27 @@ def residuals_of(
         other = others.get((item.run, item.name))
         if other is not None and other.times.shape != item.times.shape:
             other = None  # fitted to other parts of the run
+        times = item.times + (own.origin - origin)
+        after_residual, after_simulated = (nothing, nothing) if other is None else (other.residual, other.simulated)
         found.append(
             Residuals(
                 run,
                 item.name,
+                "position",
                 held_out,
-                item.times + (own.origin - origin),
+                times,
                 item.observed,
                 item.simulated,
                 item.residual,
-                nothing if other is None else other.simulated,
-                nothing if other is None else other.residual,
+                after_simulated,
+                after_residual,
             )
         )
+        for kind, residual in item.turning.items():
+            turned = nothing if other is None else other.turning.get(kind, nothing)
+            found.append(
+                Residuals(run, item.name, kind, held_out, times, item.observed, nothing, residual, nothing, turned)
+            )
     return tuple(found)
 
 

@@ -27,27 +27,29 @@ RESOLUTION = 110  # [dots per inch]
 
 
 def residual_picture(before: Sequence[Compared], after: Sequence[Compared] | None = None) -> bytes:
-    """Standardised residuals over time, one panel for every run and object, largest first, to one scale; PNG.
+    """Standardised residuals over time, to one scale, one panel for every run, object and kind of measurement, largest
+    first; PNG.
 
     after: the same with an effect added, drawn dashed.
     """
-    order = _largest_first(before)
-    figure, panels = _grid(len(order), "simulated less observed, in standard deviations σ of the noise", len(before))
-    shown = [items[i].residual for items in (before, after or ()) for i in order if items]
-    most = 1.08 * max([float(np.nanmax(np.abs(r))) for r in shown if np.isfinite(r).any()], default=0.0)
+    panelled = _by_kind(before)
+    others = {} if after is None else {(index, kind): residual for index, kind, residual in _by_kind(after)}
+    panelled.sort(key=lambda panel: -_mean_square(panel[2]))
+    figure, panels = _grid(min(len(panelled), PANELS), "simulated less observed, in σ of the noise", len(panelled))
+    everything = np.concatenate([residual.ravel() for *_, residual in panelled] or [np.zeros(1)])
+    most = 1.08 * float(np.nanmax(np.abs(everything))) if np.isfinite(everything).any() else 0.0
     handles: dict[str, Artist] = {}
-    for panel, index in zip(panels, order, strict=True):
+    for panel, (index, kind, residual) in zip(panels, panelled, strict=False):
         item = before[index]
         handles["±2 σ"] = panel.axhspan(-NOISE, NOISE, color="#dddddd", lw=0)
-        for axis in range(3):
-            if np.isfinite(item.residual[:, axis]).any():
-                name = AXES[axis] if after is None else f"{AXES[axis]} without the effect"
-                (handles[name],) = panel.plot(item.times, item.residual[:, axis], color=COLORS[axis], lw=1.0)
-                if after is not None:
-                    (handles[f"{AXES[axis]} with the effect"],) = panel.plot(
-                        after[index].times, after[index].residual[:, axis], color=COLORS[axis], lw=1.0, ls="--"
-                    )
-        panel.set_title(f"{item.name}, run {item.run}", fontsize=8)
+        for axis in np.flatnonzero(np.isfinite(residual).any(axis=0)):
+            name = AXES[axis] if after is None else f"{AXES[axis]} without the effect"
+            (handles[name],) = panel.plot(item.times, residual[:, axis], color=COLORS[axis], lw=1.0)
+            if (index, kind) in others:
+                (handles[f"{AXES[axis]} with the effect"],) = panel.plot(
+                    item.times, others[index, kind][:, axis], color=COLORS[axis], lw=1.0, ls="--"
+                )
+        panel.set_title(f"{item.name}{'' if kind == 'position' else f' {kind}'}, run {item.run}", fontsize=8)
         panel.set_xlabel("time [s]", fontsize=7)
         panel.set_ylabel("residual [σ]", fontsize=7)
         panel.set_ylim(-max(most, 1.5 * NOISE), max(most, 1.5 * NOISE))
@@ -146,9 +148,20 @@ def _plane(items: Sequence[Compared]) -> _Plane:
     return _Plane(np.array([*heading, 0.0]), axes[2], f"horizontal, {angle:.0f}° from x [m]", "z [m]")
 
 
+def _by_kind(items: Sequence[Compared]) -> list[tuple[int, str, Array]]:
+    """Return index, kind of measurement and residual (T, 3) of everything that was measured."""
+    found = [
+        (i, kind, r) for i, item in enumerate(items) for kind, r in [("position", item.residual), *item.turning.items()]
+    ]
+    return [panel for panel in found if np.isfinite(panel[2]).any()]
+
+
+def _mean_square(residual: Array) -> float:
+    return float(np.nanmean(residual**2)) if np.isfinite(residual).any() else 0.0
+
+
 def _largest_first(items: Sequence[Compared]) -> list[int]:
-    sizes = [float(np.nanmean(item.size**2)) if np.isfinite(item.size).any() else 0.0 for item in items]
-    return sorted(range(len(items)), key=lambda i: -sizes[i])[:PANELS]
+    return sorted(range(len(items)), key=lambda i: -_mean_square(items[i].size))[:PANELS]
 
 
 def _grid(count: int, title: str, of: int) -> tuple[Figure, list[Axes]]:

@@ -461,16 +461,17 @@ class FitView(Part):
 
 
 class GapSeries(Part):
-    """Residuals of one object in one run, before an effect was added and after."""
+    """Residuals of one kind of one object in one run, before an effect was added and after."""
 
     run: str = Field(description="empty where there is but one: its times are then those of the worlds and the film")
     object: str
     times: Block = Field(description="float32 (T,) [s] since the start of the run")
-    observed: Block = Field(description="float32 (T, 3) [m]")
-    before: Block = Field(description="float32 (T, 3) simulated without the effect [m]")
+    observed: Block = Field(description="float32 (T, 3) where the object was [m]")
+    before: Block = Field(description="float32 (T, 3) simulated without the effect [m]; NaN for rotations and spins")
     residual_before: Block = Field(description="float32 (T, 3) in standard deviations of the noise")
     after: Block | None = Field(description="float32 (T, 3) simulated with the effect [m]")
     residual_after: Block | None
+    kind: Literal["position", "rotation", "spin"] = "position"
     held_out: list[Interval] = Field(description="intervals of time held out of the fit [s], each fitted a start only")
 
 

@@ -36,8 +36,6 @@ def gap_views(store: EvidenceStore, case: Case, blocks: Blocks) -> tuple[list[vi
             continue
         if numbers is None:
             older.append(head.id)
-        elif not any(np.isfinite(item.residual_before).any() for item in numbers.residuals):
-            missing.append(f"{head.id} ({head.tool}) compares no positions, and residuals of turns are not shown.")
         views.append(_view(record, numbers or GapNumbers(()), blocks))
     if older:
         missing.append(
@@ -60,9 +58,9 @@ def _view(record: Evidence, numbers: GapNumbers, blocks: Blocks) -> view.GapView
     data = record.payload["data"]
     runs = list(dict.fromkeys(item.run for item in numbers.residuals))
     names = {run: run if len(runs) > 1 else "" for run in runs}
-    groups: dict[tuple[str, str], list[Residuals]] = {}
+    groups: dict[tuple[str, str, str], list[Residuals]] = {}
     for item in numbers.residuals:
-        groups.setdefault((item.run, item.name), []).append(item)
+        groups.setdefault((item.run, item.name, item.kind), []).append(item)
     sealed = data.get("sealed")
     worth = sealed or data.get("fitted_data") or {}
     return view.GapView(
@@ -71,8 +69,12 @@ def _view(record: Evidence, numbers: GapNumbers, blocks: Blocks) -> view.GapView
         world=record.world,
         verdict=_verdict(record.tool, data),
         summary=record.summary,
-        series=[_series(names[run], items, blocks) for (run, _), items in groups.items()],
-        jumps=[_shown_jump(names[j.run], j, groups[j.run, j.name]) for j in numbers.jumps or ()],
+        series=[
+            _series(names[run], items, blocks)
+            for (run, *_), items in groups.items()
+            if any(np.isfinite(item.residual_before).any() for item in items)
+        ],
+        jumps=[_shown_jump(names[j.run], j, groups[j.run, j.name, "position"]) for j in numbers.jumps or ()],
         candidates=_candidates(record.tool, data),
         gap_before=worth.get("gap_before"),
         gap_after=worth.get("gap_after"),
@@ -93,6 +95,7 @@ def _series(run: str, parts: Sequence[Residuals], blocks: Blocks) -> view.GapSer
     return view.GapSeries(
         run=run,
         object=parts[0].name,
+        kind=parts[0].kind,  # type: ignore[arg-type]  # of the series of a design
         times=joined(part.times for part in parts),
         observed=joined(part.observed for part in parts),
         before=joined(part.before for part in parts),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,8 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class Compared:
     """One object in one run: times (T,) [s]; observed and simulated positions (T, 3) [m], NaN where not measured;
-    residual (T, 3): simulated less observed, in standard deviations of the noise."""
+    residual (T, 3): simulated less observed, in standard deviations of the noise. turning: the same of rotations and
+    spins, by kind, as far as they were measured."""
 
     run: str
     name: str
@@ -26,6 +28,7 @@ class Compared:
     observed: Array
     simulated: Array
     residual: Array
+    turning: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def size(self) -> Array:
@@ -46,10 +49,15 @@ def compared(forward: Forward, noise: Noise, fitted: Fit) -> tuple[Compared, ...
         for column, name in enumerate(own.run.names):
             shape = (len(own.run.times), 3)
             simulated, residual = np.full(shape, np.nan), np.full(shape, np.nan)
+            turning: dict[str, Array] = {}
             observed = own.run.positions[:, column]
             for s in own.series:
-                if s.name == name and s.kind == "position":
+                if s.name != name:
+                    continue
+                if s.kind != "position":
+                    turning.setdefault(s.kind, np.full(shape, np.nan))[s.rows, s.axis] = scaled[s.where]
+                else:
                     simulated[s.rows, s.axis] = observed[s.rows, s.axis] + raw[0, s.where]
                     residual[s.rows, s.axis] = scaled[s.where]
-            found.append(Compared(own.run.name, name, own.times, observed, simulated, residual))
+            found.append(Compared(own.run.name, name, own.times, observed, simulated, residual, turning))
     return tuple(found)

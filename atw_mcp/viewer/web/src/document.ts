@@ -243,22 +243,23 @@ export interface FittedParameter {
   note: string;
 }
 
-/** Residuals of one object in one run, before an effect was added and after. */
+/** Residuals of one kind of one object in one run, before an effect was added and after. */
 export interface GapSeries {
   /** empty where there is but one: its times are then those of the worlds and the film */
   run: string;
   object: string;
   /** float32 (T,) [s] since the start of the run */
   times: Block;
-  /** float32 (T, 3) [m] */
+  /** float32 (T, 3) where the object was [m] */
   observed: Block;
-  /** float32 (T, 3) simulated without the effect [m] */
+  /** float32 (T, 3) simulated without the effect [m]; NaN for rotations and spins */
   before: Block;
   /** float32 (T, 3) in standard deviations of the noise */
   residual_before: Block;
   /** float32 (T, 3) simulated with the effect [m] */
   after: Block | null;
   residual_after: Block | null;
+  kind: "position" | "rotation" | "spin";
   /** intervals of time held out of the fit [s], each fitted a start only */
   held_out: ((number | null)[])[];
 }

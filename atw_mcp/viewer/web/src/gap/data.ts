@@ -8,10 +8,14 @@ export const AXIS_TOKENS = ["base", "branch", "new"] as const;
 /** Of the largest extent; what rises less moves on a plane. As atw_mcp/gap/pictures.py. */
 const FLAT = 0.1;
 
-/** One object in one run: numbers of T instants, three components each. */
+export const KINDS = { position: "positions", rotation: "rotations", spin: "spins" } as const;
+export type Kind = keyof typeof KINDS;
+
+/** One kind of measurement of one object in one run: numbers of T instants, three components each. */
 export interface Residuals {
   run: string;
   object: string;
+  kind: Kind;
   /** Its times are those of the film and the rollouts. */
   linked: boolean;
   times: Float32Array;
@@ -41,6 +45,7 @@ function read(series: GapSeries, opened: Opened): Residuals {
   return {
     run: series.run,
     object: series.object,
+    kind: series.kind ?? "position",
     linked: series.run === "",
     times: opened.floats(series.times),
     observed: opened.floats(series.observed),
@@ -72,9 +77,10 @@ function rootMeanSquare(values: Float32Array): number {
   return count ? Math.sqrt(total / count) : NaN;
 }
 
-/** "red puck" or "red puck, run r1". */
-export function nameOf(item: { object: string; run: string }): string {
-  const object = item.object.replaceAll("_", " ");
+/** "red puck", "red puck, run r1" or "red puck rotation". */
+export function nameOf(item: { object: string; run: string; kind?: Kind }): string {
+  const kind = item.kind && item.kind !== "position" ? ` ${item.kind}` : "";
+  const object = item.object.replaceAll("_", " ") + kind;
   return item.run ? `${object}, run ${item.run}` : object;
 }
 

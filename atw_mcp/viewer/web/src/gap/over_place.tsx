@@ -5,7 +5,7 @@ import { digits, moment } from "../format";
 import { duration, seek } from "../state";
 import { dark, token } from "../theme";
 import { cividis } from "./colormap";
-import { isHeldOut, nameOf, planeOf, projected, tickText, ticks, type Plane, type Residuals } from "./data";
+import { isHeldOut, KINDS, nameOf, planeOf, projected, tickText, ticks, type Kind, type Plane, type Residuals } from "./data";
 import { frameOf, frameTicks, heightFor, limitsOf, MARGIN, type Frame, type Limits } from "./frame";
 
 const RADIUS = 3; // of a dot [px]
@@ -20,22 +20,36 @@ interface Dot {
 }
 
 export function OverPlace({ items, effectName }: { items: Residuals[]; effectName: string }) {
-  const plane = useMemo(() => planeOf(items), [items]);
-  const dots = useMemo(() => dotsOf(items, plane), [items, plane]);
+  const placed = useMemo(() => items.filter((i) => i.observed.some((v) => Number.isFinite(v))), [items]);
+  const kinds = (Object.keys(KINDS) as Kind[]).filter((kind) => placed.some((i) => i.kind === kind));
+  const kind = useMemo(() => signal(placed[0]?.kind ?? "position"), [placed]); // that of the largest residuals
+  const own = useMemo(() => placed.filter((i) => i.kind === kind.value), [placed, kind.value]);
+  const plane = useMemo(() => planeOf(own), [own]);
+  const dots = useMemo(() => dotsOf(own, plane), [own]);
   const limits = useMemo(() => limitsOf(dots.map((d) => d.place), plane.across !== null), [dots]);
-  const top = useMemo(() => topOf(items), [items]);
-  const hovered = useMemo(() => signal<Dot | null>(null), [items]);
-  const after = items.some((i) => i.sizeAfter);
+  const top = useMemo(() => topOf(own), [own]);
+  const hovered = useMemo(() => signal<Dot | null>(null), [own]);
+  const after = own.some((i) => i.sizeAfter);
   if (!dots.length) return null;
+  const shared = { dots, plane, limits, top, hovered };
   return (
     <figure class="gap-figure">
       <figcaption>
         <h3>Residuals over place</h3>
         <span class="soft small">each dot an observed place, coloured by the size of its residual</span>
       </figcaption>
+      {kinds.length > 1 && (
+        <div class="choice" role="group" aria-label="residuals of">
+          {kinds.map((k) => (
+            <button key={k} aria-pressed={k === kind.value} onClick={() => (kind.value = k)}>
+              {KINDS[k]}
+            </button>
+          ))}
+        </div>
+      )}
       <div class="gap-places" data-panels={after ? 2 : 1}>
-        <Map dots={dots} plane={plane} limits={limits} top={top} hovered={hovered} title={after ? `without ${effectName}` : ""} />
-        {after && <Map dots={dots} plane={plane} limits={limits} top={top} hovered={hovered} title={`with ${effectName}`} after />}
+        <Map {...shared} title={after ? `without ${effectName}` : ""} />
+        {after && <Map {...shared} title={`with ${effectName}`} after />}
       </div>
       <ColorBar top={top} />
       <Readout hovered={hovered} />

@@ -51,7 +51,7 @@ export function OverTime({ items, effectName }: { items: Residuals[]; effectName
       </ul>
       <div class="gap-multiples">
         {shown.map((item) => (
-          <Small key={`${item.run}/${item.object}`} item={item} most={most} />
+          <Small key={`${item.run}/${item.object}/${item.kind}`} item={item} most={most} />
         ))}
       </div>
       {items.length > AT_FIRST && (
@@ -97,6 +97,7 @@ function Small({ item, most }: { item: Residuals; most: number }) {
       class="gap-small"
       data-run={item.run}
       data-object={item.object}
+      data-kind={item.kind}
       data-rms={item.rms}
       data-rms-after={item.rmsAfter ?? undefined}
     >

@@ -92,10 +92,10 @@ function Content({ view }: { view: GapView }) {
         <>
           <OverTime items={seen} effectName={effectName} />
           <OverPlace items={seen} effectName={effectName} />
-          <Jumps jumps={view.jumps} items={seen} />
+          <Jumps jumps={view.jumps} items={seen.filter((i) => i.kind === "position")} />
         </>
       ) : (
-        <p class="soft small">This result holds no residuals of positions as numbers.</p>
+        <p class="soft small">This result holds no residuals as numbers.</p>
       )}
     </div>
   );
