@@ -1,6 +1,6 @@
 // What is shown now: one clock, one or two rollouts, one chosen object. Panels read and write these signals only.
 import { computed, effect, signal } from "@preact/signals";
-import type { RolloutView, WorldView } from "./document";
+import type { Running, RolloutView, WorldView } from "./document";
 import type { Opened } from "./unpack";
 
 export type Layout = "one" | "side" | "ghost";
@@ -13,6 +13,10 @@ export const failure = signal("");
 /** What is waited for while there is no document. */
 export const progress = signal("Loading …");
 export const live = signal(false);
+/** When the server of a live page was last heard of, while it is gone. */
+export const lost = signal<Date | null>(null);
+/** Work under way as the server of a live page last reported it. */
+export const progressing = signal<Running[] | null>(null);
 
 /** Ids of the rollout shown and of the one it is compared with. */
 export const chosen = signal<string | null>(null);
@@ -40,6 +44,7 @@ export const evidence = signal<string | null>(null);
 export const record = signal<string | null>(null);
 
 export const document = computed(() => opened.value?.document ?? null);
+export const running = computed(() => progressing.value ?? document.value?.running ?? []);
 export const rollout = computed(() => rolloutOf(chosen.value));
 export const other = computed(() => (layout.value === "one" ? null : rolloutOf(compared.value)));
 export const world = computed(() => worldOf(rollout.value?.world ?? null));

@@ -5,15 +5,9 @@ import { document, record, tab, worldOf } from "../state";
 import { Pair } from "./fits_pair";
 import { Parameter } from "./fits_parameter";
 import { cite } from "./head";
+import { errorWords } from "./error_words";
 import { SearchCurve } from "./search_curve";
 import "./fits.css";
-
-/** Units of errors, in words. */
-const ERRORS: Record<string, string> = {
-  m: ", as a root mean square distance",
-  sigma: ", in standard deviations of the measurement",
-  "σ²": ", as a mean square in variances of the measurement",
-};
 
 export function Fits() {
   const fits = document.value!.fits.toReversed();
@@ -77,7 +71,7 @@ function Fit({ fit, open }: { fit: FitView; open: boolean }) {
             </figcaption>
             <SearchCurve curve={fit.curve} />
             <p class="small soft">
-              How far the simulated motion is from the observed{ERRORS[fit.curve.unit] ?? ""}. It rises where the search
+              How far the simulated motion is from the observed{errorWords(fit.curve.unit)}. It rises where the search
               goes on to more of the observed frames or starts once more.
             </p>
           </figure>

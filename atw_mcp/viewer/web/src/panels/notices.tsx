@@ -1,7 +1,6 @@
 // What is not shown and why, and work that is not finished.
-import { wait } from "../format";
-import { document, failure } from "../state";
-import type { Running } from "../document";
+import { document, failure, live, lost, running } from "../state";
+import { Work } from "./running";
 import "./notices.css";
 
 /** More sentences than this are collapsed to their count, so that the film stays in sight. */
@@ -9,7 +8,7 @@ const SHOWN_AT_ONCE = 2;
 
 export function Notices() {
   const doc = document.value;
-  if (!doc || (doc.missing.length === 0 && doc.running.length === 0 && !failure.value)) return null;
+  if (!doc || (doc.missing.length === 0 && running.value.length === 0 && !failure.value && !lost.value)) return null;
   return (
     <section class="notices" aria-label="notices">
       {failure.value && (
@@ -17,7 +16,13 @@ export function Notices() {
           {failure.value}
         </p>
       )}
-      {doc.running.map((work) => (
+      {live.value && lost.value && (
+        <p class="notice failed" role="alert" data-lost>
+          The server has not answered since {lost.value.toLocaleTimeString()}: what is shown may be out of date. It is
+          asked again every few seconds; where it was ended, `atw-mcp view` starts another.
+        </p>
+      )}
+      {running.value.map((work) => (
         <Work key={work.evidence} work={work} />
       ))}
       {doc.missing.length > 0 && <Missing sentences={doc.missing} />}
@@ -43,21 +48,5 @@ function Missing({ sentences }: { sentences: string[] }) {
         ))}
       </ul>
     </details>
-  );
-}
-
-function Work({ work }: { work: Running }) {
-  const percent = work.total ? Math.round((100 * work.done) / work.total) : null;
-  const left = work.seconds_left === null ? "" : `about ${wait(work.seconds_left)} left`;
-  return (
-    <div class="notice running" role="status" data-running={work.evidence}>
-      <div class="row">
-        <span>
-          <b>{work.tool}</b> {work.message}
-        </span>
-        <span class="soft number">{[percent === null ? "" : `${percent} %`, left].filter(Boolean).join(", ")}</span>
-      </div>
-      <progress aria-label={`${work.tool} progress`} max={work.total ?? undefined} value={work.total ? work.done : undefined} />
-    </div>
   );
 }
