@@ -27,11 +27,11 @@ export function reportSize(host: Host): void {
   const report = () => {
     const fixed = host.context.displayMode === "fullscreen" || host.context.containerDimensions?.height !== undefined;
     const height = fixed ? 0 : Math.ceil(document.body.getBoundingClientRect().height);
-    if (height === last) return;
+    if (height !== last && !fixed) {
+      host.notify("ui/notifications/size-changed", { width: Math.ceil(innerWidth), height });
+    }
     last = height;
-    if (fixed) return;
-    host.notify("ui/notifications/size-changed", { width: Math.ceil(innerWidth), height });
+    requestAnimationFrame(report); // not a ResizeObserver of the body: panels resize in observers of their own
   };
-  new ResizeObserver(report).observe(document.body);
   report();
 }

@@ -16,8 +16,12 @@ interface Contents {
 }
 
 const TRIES = 3; // a case that is worked on changes between two reads
+const AWAITED = 3; // parts: a film of so few is waited for, so that the page does not change under people's hands
 
-/** Yield the document of a case without its film, then with it. say: shows how far it is. */
+/** The film that was read last: a case is read again while it is worked on, and its film stays the same. */
+let kept = { digest: "", data: "" };
+
+/** Yield the document of a case; where its film is long, first without it. say: shows how far it is. */
 export async function* read(
   host: Host,
   identifier: string,
@@ -30,22 +34,22 @@ export async function* read(
     say("Reading the case …");
     const contents = JSON.parse(await text(host, address + query)) as Contents;
     try {
-      const parts = await whole(host, address, query, contents.document, (n, of) =>
-        say(`Reading the case: part ${n} of ${of} …`),
-      );
+      const count = (what: string) => (n: number, of: number) => say(`Reading the ${what}: part ${n} of ${of} …`);
+      const parts = await whole(host, address, query, contents.document, count("case"));
       const document = await unpack(fromBase64(parts));
       const film = document.document.film;
-      document.document.film = null;
-      yield document;
-      if (film && contents.film) {
-        const data = await whole(host, address, query, contents.film, (n, of) =>
-          say(`Reading the film: part ${n} of ${of} …`),
-        );
-        // A data: address, because hosts need not allow blob: ones for films.
-        yield document.with({
-          film: { ...film, url: `data:${contents.film.mime.replaceAll(" ", "")};base64,${data}` },
-        });
+      if (!film || !contents.film) {
+        yield document;
+        return;
       }
+      if (kept.digest !== contents.film.digest) {
+        if (contents.film.parts > AWAITED) yield document.with({ film: null });
+        const data = await whole(host, address, query, contents.film, count("film"));
+        kept = { digest: contents.film.digest, data };
+      }
+      // A data: address, because hosts need not allow blob: ones for films.
+      const url = `data:${contents.film.mime.replaceAll(" ", "")};base64,${kept.data}`;
+      yield document.with({ film: { ...film, url } });
       return;
     } catch (error) {
       if (attempt === TRIES) throw error;

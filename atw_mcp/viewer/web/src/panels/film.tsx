@@ -134,7 +134,7 @@ function Mark({ color, dash, text }: { color: string; dash: readonly number[]; t
 /** The film's address: of a page that changes while it is open, only a new film is loaded. */
 function sourceOf(doc: ViewDocument): string {
   const film = doc.film;
-  return film ? `${film.url ?? ""} ${film.mime} ${film.data?.shape[0] ?? 0} ${film.frame_count}` : "";
+  return film ? `${film.url?.slice(-99) ?? ""} ${film.mime} ${film.data?.shape[0] ?? 0} ${film.frame_count}` : "";
 }
 
 /** Load the film whole, so that every frame can be sought; returns how to let it go. */
@@ -149,6 +149,7 @@ function load(open: Opened, video: HTMLVideoElement | null, fail: (message: stri
     video.src = address;
   };
   if (film.data) take(new Blob([open.numbers(film.data) as Uint8Array<ArrayBuffer>], { type: film.mime }));
+  else if (film.url?.startsWith("data:")) video.src = film.url; // of an MCP host, which may let no blob: be played
   else if (film.url) {
     fetch(film.url)
       .then((answer) => (answer.ok ? answer.blob() : Promise.reject(new Error(`${answer.status} ${answer.statusText}`))))
