@@ -68,11 +68,11 @@ def without_push(world: World) -> list[str]:
 def _fields(world: World, runs: Sequence[Trajectory], blocks: Blocks) -> dict[str, view.Field3]:
     """Return, by name, the fields of the enabled effects that push a body at rest, or that change friction."""
     effects = enabled(world)
-    if not effects:
-        return {}
-    points = _grid(world, runs)
-    fields = {}
+    points = _grid(world, runs) if effects else np.zeros((0, 3))
+    fields: dict[str, view.Field3] = {}
     for k, effect in enumerate(effects):
+        if not len(points) or not any(effect.objects is None or n in effect.objects for n in world.moving_names):
+            continue
         if has_force(effect):
             body = _probe(world, effect, points)
             vectors, unit = accelerations_of(world, body[1])[k], "m/s^2"
@@ -110,14 +110,17 @@ def _probe(world: World, effect: Effect, points: Array) -> tuple[str, Bodies]:
 
 
 def _grid(world: World, runs: Sequence[Trajectory]) -> Array:
-    """Points (k, 3) of a coarse grid over all that the objects of a world reach; of planar worlds one layer."""
+    """Points (k, 3) of a coarse grid over all that the objects of a world reach; of planar worlds one layer. None where
+    nothing has a place yet."""
     places = [np.array([o.position for o in world.objects], dtype=float).reshape(-1, 3)]
     places += [run.positions.reshape(-1, 3) for run in runs]
     places += [motion.points.reshape(-1, 3) for run in runs for motion in run.deformables.values()]
-    whole = np.concatenate(places)
-    whole = whole[np.isfinite(whole).all(axis=1)]
+    whole: Array = np.concatenate(places)
+    known: Array = whole[np.isfinite(whole).all(axis=1)]
+    if not len(known):
+        return known
     axes = geometry.plane_axes(world.environment.motion_plane) if world.planar else np.eye(3)
-    own = whole @ axes.T
+    own = known @ axes.T
     lower, upper = own.min(axis=0), own.max(axis=0)
     margin = MARGIN * max(float((upper - lower).max()), 1e-3)
     sides = slice(0, 2) if world.planar else slice(0, 3)

@@ -31,8 +31,9 @@ BRANCH = "intervention"
 class CaseRecords:
     """Records of a case by id, oldest first, and sentences about those that are missing.
 
-    origins: how the case came by each world. descents: what worlds were made from. bases: of rollouts of branches, the
-    rollout of the unedited world that runs as long or nearly; None of others.
+    origins: how the case came by each world. modelled: the track record that each models, if any. descents: what
+    worlds were made from. bases: of rollouts of branches, the rollout of the unedited world that runs as long or nearly;
+    None of others.
     """
 
     store: EvidenceStore
@@ -43,6 +44,7 @@ class CaseRecords:
     recordings: dict[str, Recording] = field(default_factory=dict)
     worlds: dict[str, World] = field(default_factory=dict)
     origins: dict[str, str] = field(default_factory=dict)
+    modelled: dict[str, str | None] = field(default_factory=dict)
     descents: dict[str, Descent] = field(default_factory=dict)
     rollouts: dict[str, Rollout] = field(default_factory=dict)
     bases: dict[str, str | None] = field(default_factory=dict)
@@ -91,17 +93,16 @@ class CaseRecords:
         descent = self.descents.get(world)
         if world not in self.worlds or not self.tracks or (descent is not None and descent.how == BRANCH):
             return None
-        modelled = self.store.cases.modelled_observation(self.case.id, world)
-        record = self.tracks.get(modelled or "") or next(reversed(self.tracks.values()))
+        record = self.tracks.get(self.modelled.get(world) or "") or next(reversed(self.tracks.values()))
         return at_rate(record.tracks, self.worlds[world].time.seconds_per_frame)
 
     def modelled_by(self, observation: str) -> World | None:
         """Return the world that models a track record: the committed one where it does, else the latest."""
-        cases, case = self.store.cases, self.case
-        models = [w for w in self.worlds if cases.modelled_observation(case.id, w) == observation] or list(self.worlds)
+        models = [w for w in self.worlds if self.modelled.get(w) == observation] or list(self.worlds)
         if not models:
             return None
-        return self.worlds[case.committed_world if case.committed_world in models else models[-1]]
+        committed = self.case.committed_world
+        return self.worlds[committed if committed in models else models[-1]]
 
 
 def read_case(store: EvidenceStore, identifier: str, first: Sequence[str] = ()) -> CaseRecords:
@@ -156,7 +157,7 @@ def _read_rollouts(read: CaseRecords, first: Sequence[str]) -> None:
     """Read the rollouts that evidence is about: those asked for, then those used last."""
     used = list(dict.fromkeys(row.rollout for row in reversed(read.evidence) if row.rollout is not None))
     for rollout in first:
-        if rollout not in used:
+        if rollout not in used and not _of_this_file(read, rollout):
             raise UnknownRecord(f"case {read.case.id!r} has no rollout {rollout!r}; its rollouts, latest first: {used}")
     wanted = list(dict.fromkeys([*first, *used]))
     if len(wanted) > MOST_ROLLOUTS:
@@ -165,7 +166,7 @@ def _read_rollouts(read: CaseRecords, first: Sequence[str]) -> None:
             "`atw-mcp report --rollout ID` shows one."
         )
     shown = set(wanted[:MOST_ROLLOUTS])
-    for identifier in (rollout for rollout in reversed(used) if rollout in shown):
+    for identifier in dict.fromkeys((*(r for r in reversed(used) if r in shown), *first)):
         try:
             content = read.store.rollouts.get(identifier)
             result = rollout_from(content.document, content.arrays)
@@ -178,10 +179,23 @@ def _read_rollouts(read: CaseRecords, first: Sequence[str]) -> None:
         read.rollouts[identifier] = result
 
 
+def _of_this_file(read: CaseRecords, rollout: str) -> bool:
+    """Return whether a rollout that no evidence of the case is about is of a world of this case, or of another case of
+    the same file, with which it may be compared."""
+    cases = read.store.cases
+    try:
+        world = str(read.store.rollouts.get(rollout).document["world"])
+        return any(cases.has_world(c.id, world) for c in cases.all() if c.content == read.case.content)
+    except UNREADABLE:
+        return False
+
+
 def _read_worlds(read: CaseRecords) -> None:
     """Read the worlds of the case and those of its rollouts, and what each was made from."""
+    cases, case = read.store.cases, read.case.id
     try:
-        listed = dict(read.store.cases.worlds(read.case.id))
+        listed = dict(cases.worlds(case))
+        read.modelled = {world: cases.modelled_observation(case, world) for world in listed}
     except StoreError as error:
         read.missing.append(_sentence(f"The case's list of worlds cannot be read: {error}"))
         listed = {}

@@ -21,7 +21,7 @@ from atw_mcp.viewer.document import Block, ViewDocument
 from atw_mcp.viewer.packing import Blocks, packed, unpacked
 from atw_mcp.worlds.rollouts import compute_rollout, rollout_from
 from evidence_store import Evidence, EvidenceStore, UnknownRecord
-from tests.atw_mcp.two_discs import FRAME, GAP, MEETING, SPEED, two_discs
+from tests.atw_mcp.two_discs import FRAME, GAP, MEETING, SPEED, case_with, two_discs
 from tests.atw_mcp.viewer.stores import ASIDE, HORIZON, SEEN, SIGMA, SIZE, discs_store, mask, opened
 from tests.evidence_store.records import filled, tamper
 
@@ -208,6 +208,7 @@ def test_records_that_are_no_worlds_are_said_to_be_missing(tmp_path: Path) -> No
         ("UPDATE observations SET kind = 'x' WHERE kind = 'objects'", "Observation obs-"),
         ("UPDATE evidence SET summary = 'x' WHERE seq = 2", "ev-2 is damaged"),
         ("DELETE FROM rollouts WHERE id = '{base}'", "Rollout {base} cannot be shown"),
+        ("UPDATE case_worlds SET origin = 'x'", "list of worlds cannot be read"),
         ("UPDATE answers SET answer = 'maybe'", "Questions and answers cannot be shown"),
     ],
 )
@@ -239,6 +240,18 @@ def test_of_very_many_rollouts_those_used_last_are_shown(
     assert [r.id for r in document.rollouts] == [edited]
     assert any("1 of 2 rollouts are not shown" in sentence for sentence in document.missing)
     assert [r.id for r in read(path, first=[base]).rollouts] == [base]
+
+
+def test_a_rollout_of_another_case_of_the_same_file_may_be_shown_beside(copied: Path) -> None:
+    app = App(copied)
+    twin = case_with(app, two_discs(), committed=False, video=Path("/clips/discs.mp4"), name="twin")
+    other = two_discs().with_substep(0.001)
+    app.keep_world(twin, other, how="built")
+    foreign, _ = compute_rollout(app, other, 0.4)
+    app.close()
+    document = read(copied, first=[foreign])
+    assert document.shown == [foreign]
+    assert document.rollouts[-1].world == other.id
 
 
 def test_several_worlds_and_rollouts_of_a_kind_are_labelled_apart(copied: Path) -> None:

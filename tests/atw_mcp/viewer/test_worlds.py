@@ -19,7 +19,7 @@ from atw_mcp.viewer.shapes import shape_view
 from atw_mcp.viewer.worlds import world_view
 from polyworld.model import mesh_of
 from polyworld.trajectory import PointMotion, Rollout, Trajectory, Truncation
-from polyworld.world import World, geometry
+from polyworld.world import Effect, World, geometry
 from polyworld.world.shapes import Box, Compound, ConvexMesh, Cylinder, Part, Plane, Sphere, TriangleMesh, Wall
 from tests.atw_mcp.viewer import scenes
 
@@ -189,6 +189,13 @@ def test_a_planar_world_shows_fields_in_its_plane_and_friction_patches() -> None
     assert_allclose(seen(rough.vectors)[inside, 2], 0.5, rtol=1e-6)
     assert rough.unit == "1"
     assert [p.effect for p in seen.rollout.pushes] == ["magnet"]
+
+
+def test_a_field_is_not_shown_where_nothing_has_a_place_yet() -> None:
+    push = Effect(name="push", kind="uniform_acceleration", parameters={"x": 1.0})
+    seen = Seen(scenes.tap().world.model_copy(update={"effects": (push,)}))
+    assert seen.part("push").field is None
+    assert seen.part("tap").kind == "emitter"
 
 
 def test_long_rollouts_are_thinned_out_and_say_so() -> None:
