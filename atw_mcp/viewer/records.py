@@ -32,7 +32,7 @@ class CaseRecords:
     """Records of a case by id, oldest first, and sentences about those that are missing.
 
     origins: how the case came by each world. modelled: the track record that each models, if any. descents: what
-    worlds were made from. bases: of rollouts of branches, the rollout of the unedited world that runs as long or nearly;
+    worlds were made from. bases: of rollouts of branches, the rollout of the unedited world that is nearest in length;
     None of others.
     """
 

@@ -51,8 +51,8 @@ class Seen:
 
 def at_rest(world: World, samples: int) -> Rollout:
     """All objects where they start, at every sample."""
-    places = [np.asarray(o.position, dtype=float) for o in world.objects]
-    places += [mesh_of(world, d).nodes.mean(axis=0) for d in world.deformables]
+    places, soft = [np.asarray(o.position, dtype=float) for o in world.objects], world.deformables
+    places += [nodes.mean(axis=0) if len(nodes := mesh_of(world, d).nodes) else np.full(3, np.nan) for d in soft]
     turns = [*(o.orientation for o in world.objects), *([(1.0, 0.0, 0.0, 0.0)] * len(world.deformables))]
     shape = (samples, len(places), 3)
 
