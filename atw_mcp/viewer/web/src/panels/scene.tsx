@@ -105,12 +105,12 @@ export function Scene() {
         }}
       >
         <div class="labels" ref={labels} aria-hidden="true" />
-        {frame && (
-          <div
-            class="frame"
-            style={{ left: `${frame[0]}px`, top: `${frame[1]}px`, width: `${frame[2]}px`, height: `${frame[3]}px` }}
-          />
-        )}
+        {frame &&
+          windows.map((w, i) => (
+            <div key={i} class="window" style={placed(w.x, w.y, w.width, w.height)}>
+              <div class="frame" style={placed(...frame)} />
+            </div>
+          ))}
         {layout.value !== "one" &&
           other.value &&
           windows.map((w, i) => (
@@ -172,6 +172,10 @@ export function Scene() {
       </div>
     </section>
   );
+}
+
+function placed(left: number, top: number, width: number, height: number) {
+  return { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` };
 }
 
 /** What the arrow beside it stands for, and that stronger ones are cut off. */

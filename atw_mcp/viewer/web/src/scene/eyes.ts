@@ -3,6 +3,7 @@ import { type Box3, Matrix4, OrthographicCamera, PerspectiveCamera, Vector3, typ
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { CameraView } from "../document";
 import type { Eye } from "../state";
+import { calm } from "../theme";
 
 /** Field of view of the orbiting eye, up and down [deg]. */
 const VIEW = 34;
@@ -36,7 +37,7 @@ export class Eyes {
   constructor(dom: HTMLElement, changed: () => void) {
     for (const camera of [this.orbit, this.plan]) camera.up.set(0, 0, 1);
     this.turning = new OrbitControls(this.orbit, dom);
-    this.turning.enableDamping = true;
+    this.turning.enableDamping = !calm;
     this.turning.dampingFactor = 0.12;
     this.turning.zoomToCursor = true;
     this.turning.maxPolarAngle = Math.PI;
@@ -74,6 +75,12 @@ export class Eyes {
     if (!this.subject) return;
     const { extent, normal } = this.subject;
     const centre = extent.getCenter(new Vector3());
+    for (const controls of [this.turning, this.shifting]) {
+      const damped = controls.enableDamping;
+      controls.enableDamping = false; // an update without it ends a movement that is running out
+      controls.update();
+      controls.enableDamping = damped;
+    }
     const direction = this.direction();
     this.orbit.position.copy(direction);
     this.orbit.lookAt(0, 0, 0);
