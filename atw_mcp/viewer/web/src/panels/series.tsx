@@ -117,7 +117,7 @@ function Controls() {
           </select>
         </label>
       )}
-      <div class="which" role="group" aria-label="objects drawn">
+      <div class="which scroll" role="group" aria-label="objects drawn">
         {names.value.map((name) => (
           <button key={name} aria-pressed={shown.value.includes(name)} data-object={name} onClick={() => toggle(name)}>
             <span class="swatch" style={{ background: colorOf(name) }} />
@@ -159,7 +159,7 @@ function Plot() {
     if (!made.current || !now.current) return;
     const over = made.current.over;
     const x = made.current.valToPos(time.peek(), "x");
-    now.current.style.transform = `translateX(${over.offsetLeft + x}px)`;
+    now.current.style.transform = `translate(${over.offsetLeft + x}px, ${over.offsetTop}px)`;
     now.current.style.height = `${over.clientHeight}px`;
     now.current.hidden = x < 0 || x > over.clientWidth;
   };

@@ -112,7 +112,9 @@ function tickText(t: number, all: number[]): string {
   const step = all.length > 1 ? Math.abs(all[1]! - all[0]!) : Math.abs(t) || 1;
   const largest = Math.max(...all.map(Math.abs));
   if (largest >= 1e5 || (largest > 0 && largest < 1e-3)) return t === 0 ? "0" : digits(t, 2);
-  return t.toFixed(Math.min(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)), 6)).replace("-", "−");
+  let decimals = 0; // as many as a step needs: 0.25, not 0.3
+  while (decimals < 6 && Math.abs(step - Number(step.toFixed(decimals))) > step * 1e-3) decimals++;
+  return t.toFixed(decimals).replace("-", "−");
 }
 
 function select(u: uPlot): void {

@@ -14,6 +14,12 @@ const CHARACTER = 6;
 /** The marks under the pointer: where along the plot and how far above its bottom [px]. */
 export const tip = signal<{ x: number; above: number; marks: Mark[] } | null>(null);
 
+/** Rings about events that are gone (dashed, a cross) and new (a plus). */
+const CHANGES = [
+  { change: "gone", sign: "M8-12l6 6M14-12l-6 6" },
+  { change: "new", sign: "M11-13v8M7-9h8" },
+] as const;
+
 export function LaneMarks({ lane }: { lane: Lane }) {
   const shown = bundles(lane.marks);
   const strongest = Math.max(...lane.marks.map((m) => m.event.impulse ?? 0), 1e-12);
@@ -83,10 +89,14 @@ function BundleMark({ bundle, strongest, room }: { bundle: Bundle; strongest: nu
           </text>
         </>
       )}
-      {marks.some((m) => m.change === "gone") && <path class="change gone" d="M-8-8L8 8M8-8L-8 8" />}
-      {marks.some((m) => m.change === "new") && <path class="change new" d="M9-12v8M5-8h8" />}
+      {CHANGES.filter(({ change }) => marks.some((m) => m.change === change)).map(({ change, sign }) => (
+        <g key={change} class={`change ${change}`}>
+          <circle r={10} />
+          <path d={sign} />
+        </g>
+      ))}
       {label && (
-        <text class="label" y={-12}>
+        <text class="label" y={-14}>
           {label}
         </text>
       )}
