@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
 
 def run_view(options: argparse.Namespace) -> int:
     """Follow a case until a signal ends the process; returns the exit code."""
-    from atw_mcp.viewer.live.command import view
+    from atw_mcp.view_serving import view
     from evidence_store import StoreError
 
     try:

@@ -21,7 +21,7 @@ class FitProgress:
 
     def __init__(self, progress: Progress, problem: FitProblem, method: str) -> None:
         self._progress, self._all = progress, problem.samples
-        self.curve = ErrorCurve(COUNTED.get(method, "step"), problem.objective.error_unit)
+        self.curve = ErrorCurve(COUNTED.get(method, "generation or iteration"), problem.objective.error_unit)
         progress.curve = self.curve
         self._stage, self._share, self._next = "", 0.0, 0.0
         self._samples, self._loss, self._best = 0, math.inf, math.nan

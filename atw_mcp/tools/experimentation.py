@@ -184,7 +184,11 @@ def _run(
     alone = 1.0 if ensemble is None else ALONE
     with explained():
         made = compute_rollout(
-            app, plan.world, plan.horizon, lambda share: report(alone * share, message), plan.sample_seconds
+            app,
+            plan.world,
+            plan.horizon,
+            lambda share: report(alone * share, f"{message}, {share * plan.horizon:.3g} s done"),
+            plan.sample_seconds,
         )
         answer = _rollout_answer(case, base, plan.world, list(plan.edits), *made)
         if ensemble is None:

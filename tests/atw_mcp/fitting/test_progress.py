@@ -1,4 +1,4 @@
-"""What a fit reports while it runs: steps, errors with units, the best so far; and the curve that its record keeps."""
+"""Reports of a fit while it runs: steps, errors with units, the best so far; and the curve that its record keeps."""
 
 from __future__ import annotations
 

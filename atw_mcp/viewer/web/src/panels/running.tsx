@@ -26,7 +26,10 @@ export function Work({ work }: { work: Running }) {
         <details open>
           <summary class="small">course of the search</summary>
           <SearchCurve curve={curve} />
-          <p class="small soft">How far the simulated motion is from the observed{errorWords(curve.unit)}.</p>
+          <p class="small soft">
+            How far the simulated motion is from the observed{errorWords(curve.unit)}. It rises where the search goes on
+            to more of the observed frames or starts once more.
+          </p>
         </details>
       )}
     </div>

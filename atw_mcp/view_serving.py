@@ -1,4 +1,4 @@
-"""Serve the live page from the command line until a signal ends it."""
+"""Serve the live page of `atw-mcp view` until a signal ends the process."""
 
 from __future__ import annotations
 
