@@ -11,7 +11,7 @@ import pytest
 
 from atw_mcp.calls.app import App
 from atw_mcp.cases.cases import content_hash
-from atw_mcp.viewer import case_document, in_parts
+from atw_mcp.viewer import in_parts, records
 from evidence_store import EvidenceStore
 from tests.atw_mcp.clips import write_clip
 from tests.atw_mcp.session import Session
@@ -137,7 +137,7 @@ def test_a_result_is_shown_in_the_conversation(compared: Session, browser: Brows
 def test_people_call_back_into_the_server(
     compared: Session, browser: Browser, script: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(case_document, "MOST_ROLLOUTS", 2)
+    monkeypatch.setattr(records, "MOST_ROLLOUTS", 2)
     monkeypatch.setattr(in_parts, "PART", 3000)
     base, edited, left_out = rollouts_of(compared.store)
     with host(browser, compared, script) as shown:

@@ -216,7 +216,13 @@ export class Stage {
     this.making = true;
     for (let next = this.nextMissing(); next && !this.gone; next = this.nextMissing()) {
       const { run, place } = next;
-      await run.outlines!.make(place * secondsPerFrame.peek(), this.motion(place));
+      try {
+        await run.outlines!.make(place * secondsPerFrame.peek(), this.motion(place));
+      } catch {
+        // the context of WebGL is gone: with this stage, as another document is shown, or by the browser's doing
+        if (!this.gone) this.noLabels = "the world is not drawn over the video: the browser gave up WebGL";
+        break;
+      }
       if (place === this.place.peek()) this.arrived.value++;
     }
     this.making = false;
