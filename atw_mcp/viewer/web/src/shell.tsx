@@ -1,7 +1,7 @@
 // The page: the case, the film beside the scene, time, and one of several panels below.
 import type { ComponentType } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { document, failure, layout, progress, tab, type Tab } from "./state";
+import { document, duration, failure, layout, progress, tab, type Tab } from "./state";
 import type { ViewDocument } from "./document";
 import { Choosers } from "./panels/choosers";
 import { Comparison } from "./panels/comparison";
@@ -68,10 +68,12 @@ export function Shell() {
         )}
         {!film && !scene && <p class="panel empty">This case has neither a video nor a world yet.</p>}
       </div>
-      <div class="time panel">
-        <Transport />
-        <Timeline />
-      </div>
+      {duration.value > 0 && (
+        <div class="time panel">
+          <Transport />
+          <Timeline />
+        </div>
+      )}
       {scene && (
         <aside class="side" aria-label="objects">
           <Objects />

@@ -38,7 +38,9 @@ export class Opened {
 
 export async function unpack(bytes: Uint8Array<ArrayBuffer>): Promise<Opened> {
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
-  const whole = await new Response(stream).arrayBuffer();
+  const whole = await new Response(stream).arrayBuffer().catch(() => {
+    throw new Error("the document of this page is damaged or incomplete: write the report again");
+  });
   const head = new DataView(whole);
   if (head.getUint32(0, false) !== 0x41545756) throw new Error("this is no document of the viewer");
   const length = head.getUint32(4, true);

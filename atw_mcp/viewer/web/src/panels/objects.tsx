@@ -3,11 +3,11 @@ import type { Moving, WorldView } from "../document";
 import { quantity, words } from "../format";
 import { Icon } from "../icons";
 import { follow } from "../keys";
-import { followed, object, otherWorld, world } from "../state";
+import { document, followed, object, otherWorld, world } from "../state";
 import "./objects.css";
 
 export function Objects() {
-  const shown = world.value;
+  const shown = world.value ?? document.value?.worlds.at(-1); // without a rollout, the latest world's
   if (!shown) return null;
   const branch = otherWorld.value;
   const added = branch?.moving.filter((m) => !has(shown, m.name)) ?? [];

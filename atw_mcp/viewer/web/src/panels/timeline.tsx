@@ -178,7 +178,7 @@ function Axis({ top }: { top: number }) {
         return (
           <g key={t} transform={`translate(${x} 0)`}>
             <line class="rule" y1={-3} y2={3} />
-            <text x={anchor === "start" ? -6 : anchor === "end" ? 6 : 0} y={15} text-anchor={anchor}>
+            <text x={anchor === "start" ? 4 : anchor === "end" ? 6 : 0} y={15} text-anchor={anchor}>
               {t.toFixed(decimals)} s
             </text>
           </g>
