@@ -10,6 +10,9 @@ query.addEventListener("change", () => (system.value = query.matches));
 
 export const dark = computed(() => (preference.value === "system" ? system.value : preference.value === "dark"));
 
+/** True where the system asks for little motion. */
+export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+
 effect(() => {
   const root = document.documentElement;
   if (preference.value === "system") delete root.dataset.theme;
