@@ -76,12 +76,12 @@ def observe(
         nonlocal looked
         stop()
         looked += 1
-        report(0.03 + 0.02 * min(looked / (2 * count), 1.0), f"looking whether the camera moves: {looked} pictures")
+        report(0.03 + 0.47 * min(looked / (2 * count), 1.0), f"looking whether the camera moves: {looked} pictures")
 
     motion = camera_motion(frames, look)
     if motion is not None:
         frames = stabilised(frames, motion)
-    report(0.05, "modelling the background")
+    report(0.5, "modelling the background")
     background = model_background(frames)
     stop()
     shadow = shadows_of(frames, background)
@@ -89,19 +89,19 @@ def observe(
     for t in range(count):
         stop()
         if t % 8 == 0:
-            report(0.15 + 0.4 * t / count, f"segmenting frame {t} of {count}")
+            report(0.55 + 0.2 * t / count, f"segmenting frame {t} of {count}")
         foregrounds.append(segment(frames[t], background, min_area=smallest, shadow=shadow))
 
     def tick(t: int) -> None:
         stop()
         if t % 8 == 0:
-            report(0.55 + 0.2 * t / count, f"tracking frame {t} of {count}")
+            report(0.75 + 0.1 * t / count, f"tracking frame {t} of {count}")
 
     sweeper = Sweeper(frames, foregrounds, smallest, max_objects)
     sweep = sweeper.run(tick)
-    report(0.75, "tracking backwards")
+    report(0.85, "tracking backwards")
     sweep = resweep(frames, foregrounds, sweep, stop)
-    report(0.9, "reading colours and shapes")
+    report(0.92, "reading colours and shapes")
     warnings = list(info.warnings)
     if sweeper.dropped:
         warnings.append(f"more than {max_objects} objects: {sweeper.dropped} regions were left out; raise max_objects")

@@ -26,9 +26,10 @@ function connect(): void {
   source.addEventListener("open", () => (lost.value = null));
   source.addEventListener("state", (event) => {
     const state = JSON.parse((event as MessageEvent<string>).data) as State;
+    lost.value = null;
     wanted = state.revision;
     progressing.value = state.running;
-    loading ??= catchUp().finally(() => (loading = null));
+    reload();
   });
   source.addEventListener("error", () => {
     lost.value ??= new Date();
@@ -40,16 +41,27 @@ function connect(): void {
 
 /** Load the document until it is of the revision that the server named last. */
 async function catchUp(): Promise<void> {
-  try {
-    while (shown !== wanted) await load();
-  } catch {
-    lost.value ??= new Date(); // the next event, or the next connection, asks again
+  while (shown !== wanted) {
+    try {
+      await load();
+    } catch (error) {
+      console.warn("the document was not loaded", error);
+      setTimeout(reload, AGAIN);
+      return;
+    }
   }
 }
 
+function reload(): void {
+  loading ??= catchUp().finally(() => (loading = null));
+}
+
 async function load(): Promise<void> {
+  const before = wanted;
   const answer = await fetch("document", { cache: "no-store" });
   if (!answer.ok) throw new Error((await answer.text()) || `the server answered ${answer.status}`);
-  show(await unpack(new Uint8Array(await answer.arrayBuffer())));
-  shown = wanted = (answer.headers.get("etag") ?? "").replaceAll('"', "");
+  const next = await unpack(new Uint8Array(await answer.arrayBuffer()));
+  shown = (answer.headers.get("etag") ?? "").replaceAll('"', "");
+  if (wanted === before) wanted = shown; // else the server has named a later one meanwhile
+  show(next);
 }
