@@ -170,6 +170,13 @@ def test_people_call_back_into_the_server(
         assert shown.wait_for("ui/request-display-mode") == {"mode": "fullscreen"}
         shown.app.wait_for_selector("html[data-host=fullscreen] .below")
         assert shown.app.evaluate("[innerWidth, innerHeight]") == [FULL["width"], FULL["height"]]
+        way_back = bar.get_by_role("button", name="Back to the conversation")
+        box = way_back.bounding_box()
+        assert box is not None
+        assert box["y"] + box["height"] < FULL["height"] / 4  # in sight, above the film
+        way_back.click()
+        shown.app.wait_for_selector("html[data-host=inline]")
+        assert [params["mode"] for params in shown.heard("ui/request-display-mode")] == ["fullscreen", "inline"]
 
 
 def test_a_host_that_lets_nothing_be_read_is_named(compared: Session, browser: Browser, script: str) -> None:

@@ -49,8 +49,8 @@ export function Shell() {
   const scene = doc.worlds.length > 0;
   return (
     <main class="shell">
-      <HostBar />
       <div class="top">
+        <HostBar />
         <Head />
         <Notices />
       </div>

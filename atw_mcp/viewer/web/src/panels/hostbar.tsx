@@ -2,7 +2,7 @@
 import { signal } from "@preact/signals";
 import { callServer, otherRollouts, open, share, toggleFullscreen } from "../app";
 import { hosted, note, unfolded } from "../hosted";
-import { evidence } from "../state";
+import { document, evidence } from "../state";
 import "./hostbar.css";
 
 /** Text of a result that was read again, and its id. */
@@ -15,10 +15,12 @@ export function HostBar() {
   const others = otherRollouts();
   const cited = evidence.value ?? call.evidence;
   const full = mode === "fullscreen";
+  // of work that was not finished when the host got its result, the server knows more by now
+  const summary = document.value?.evidence.find((row) => row.id === call.evidence)?.summary ?? call.summary;
   return (
     <section class="hostbar" aria-label="result" data-tool={call.tool} data-evidence={call.evidence ?? ""}>
-      <p class="result" title={call.summary}>
-        <b>{call.tool}</b> {call.summary}
+      <p class="result" title={summary}>
+        <b>{call.tool}</b> {summary}
       </p>
       <div class="bar">
         {others.length > 0 && (
