@@ -72,14 +72,20 @@ def test_transcoded_frames_are_the_originals_in_order(tmp_path: Path) -> None:
     assert errors.max() < 255.0**2 / 1e3  # 30 dB: compression artefacts are hardly seen
 
 
-def test_file_that_browsers_play_is_passed_on_with_its_own_frame_times(tmp_path: Path) -> None:
-    made_here = written(tmp_path / "a.mkv", "VP80", drawn(), rate=25.0).read_bytes()
-    changed = bytearray(made_here.replace(films.MATROSKA, films.WEBM, 1))
-    # A simple block states its time after its cluster [ms]: frame 5 comes 15 ms late, as of a camera that hesitates.
-    at = changed.index(b"\x81" + (200).to_bytes(2, "big"))
+def webm_with_late_frame(folder: Path) -> Path:
+    """A file that browsers play, 25 frames a second, but frame 5 comes 15 ms late: of a camera that hesitates."""
+    changed = bytearray(
+        written(folder / "a.mkv", "VP80", drawn(), rate=25.0).read_bytes().replace(films.MATROSKA, films.WEBM, 1)
+    )
+    at = changed.index(b"\x81" + (200).to_bytes(2, "big"))  # a simple block states its time after its cluster [ms]
     changed[at + 1 : at + 3] = (215).to_bytes(2, "big")
-    source = tmp_path / "a.webm"
-    source.write_bytes(changed)
+    made_here = folder / "a.webm"
+    made_here.write_bytes(changed)
+    return made_here
+
+
+def test_file_that_browsers_play_is_passed_on_with_its_own_frame_times(tmp_path: Path) -> None:
+    source = webm_with_late_frame(tmp_path)
     film, frames, out = made(source, tmp_path)
     assert out.read_bytes() == source.read_bytes()
     assert len(frames) == film.frame_count == COUNT

@@ -54,6 +54,7 @@ export function Film() {
       class="film panel"
       aria-label="Video"
       data-frame={drawn?.frame ?? ""}
+      data-chosen={object.value ?? ""}
       data-time={drawn?.time}
       data-observed={drawn?.observed.join(" ")}
       data-simulated={drawn?.simulated.join(" ")}
