@@ -131,6 +131,22 @@ class Canvas:
                 cv2.circle(self.image, _pixel(scaled[k]), 4, DARK, -1, cv2.LINE_AA)
                 cv2.circle(self.image, _pixel(scaled[k]), 2, color, -1, cv2.LINE_AA)
 
+    def faint(self, points: NDArray[np.float64], color: Color, share: float = 0.8) -> None:
+        """Draw a thin dotted line through points (k, 2) of the canvas that lets what is below show through."""
+        drawable = np.all(np.isfinite(points), axis=1) & (np.abs(points).max(axis=1, initial=0.0) < 1e5)
+        ink = np.zeros(self.image.shape[:2], np.uint8)
+        pieces, travelled = [], 0.0
+        for k, (a, b) in enumerate(pairwise(points)):
+            if drawable[k] and drawable[k + 1]:
+                length = float(np.linalg.norm(b - a))
+                pieces += [fine(a + np.outer(part, b - a)) for part in _dashes(travelled, length, 2, 4)]
+                travelled += length
+        cv2.polylines(ink, pieces, False, 255, 1, cv2.LINE_AA, FINE_BITS)
+        inked = ink > 0
+        weight = ink[inked][:, None] / 255.0 * share
+        mixed = self.image[inked] * (1.0 - weight) + weight * np.asarray(color, dtype=float)
+        self.image[inked] = np.rint(mixed).astype(np.uint8)
+
     def names(self, masks: dict[str, Mask], color: Color, others: Mask | None = None) -> None:
         """Write each name near its mask of the original frame where it covers least, with a line when it is away.
 
@@ -263,14 +279,14 @@ def _pixels(integral: NDArray[Any], box: Box) -> float:
     return float(integral[bottom, right] - integral[top, right] - integral[bottom, left] + integral[top, left])
 
 
-def _dashes(travelled: float, length: float) -> list[NDArray[np.float64]]:
+def _dashes(travelled: float, length: float, dash: float = DASH, gap: float = GAP) -> list[NDArray[np.float64]]:
     """The parts (start, end), in 0..1, of a segment that are drawn, the line having come `travelled` px so far."""
     if length <= 0.0:
         return []
-    period = float(DASH + GAP)
+    period = float(dash + gap)
     first = np.floor(travelled / period) * period
     starts = np.arange(first, travelled + length, period) - travelled
-    parts = np.clip(np.stack([starts, starts + DASH], axis=1) / length, 0.0, 1.0)
+    parts = np.clip(np.stack([starts, starts + dash], axis=1) / length, 0.0, 1.0)
     return [part for part in parts if part[1] > part[0]]
 
 

@@ -1,17 +1,21 @@
-"""A world seen straight down on its plane of motion, true to scale: what touches, and what is only behind."""
+"""A world in a plan, true to scale: what touches, and what is only behind; paths with their direction, collisions."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import takewhile
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from atw_mcp.looking.overlay import DARK, FINE_BITS, OBSERVED, SIMULATED, Canvas, Image, fine
+from atw_mcp.looking.legend import draw_arrow, draw_cross, draw_star
+from atw_mcp.looking.overlay import DARK, FINE_BITS, OBSERVED, SIMULATED, Canvas, Color, Image, Style
+from atw_mcp.looking.plan_frame import PlanFrame, plan_axes, plan_origin
 from polyworld.model import mesh_of
-from polyworld.trajectory import Trajectory
+from polyworld.probing.readouts.rope_line import rope_line
+from polyworld.trajectory import Event, Trajectory
 from polyworld.world import Deformable, World, geometry
 from polyworld.world.camera import Camera
 from polyworld.world.colors import display_color
@@ -19,160 +23,231 @@ from polyworld.world.materials import material_of
 from polyworld.world.shapes import Plane, TriangleMesh, Wall
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
-GROUND = (64, 58, 54)
-STATIC = (150, 150, 150)
+STATIC: Color = (150, 150, 150)  # blue, green, red
+EVENT: Color = (66, 228, 240)  # the yellow of Okabe & Ito (2008)
 ROUND = 64  # corners of the polygon that stands for a circle
-MARGIN, FOOT = 34, 26  # [px] free at the sides; kept at the bottom for the scale bar
-NARROWEST, WIDEST = 0.5, 0.95  # width of the strip per height
+CROWD = 16  # objects with whole names; more have short ones, and paths and collisions of late only
+TIMED = 6  # most collisions with their times written beside them
+AHEAD = 40.0  # [px] a path is longer than this where it gets an arrow
+
+
+def plan_frame(
+    runs: Sequence[tuple[World, Trajectory]], camera: Camera, names: Sequence[str], samples: Sequence[int], height: int
+) -> PlanFrame:
+    """Return axes on which `names` are seen at all of the `samples` of every run, and their ways until the last of
+    them; `height` pixels high."""
+    axes = plan_axes(runs[0][0], [run for _, run in runs], camera)
+    origin = plan_origin(runs[0][0], axes)
+    empty = PlanFrame(axes, origin, np.zeros((1, 2)), height)
+    ways = [
+        empty.flat(run.positions[: max(samples) + 1, run.index(name)])[run.active[: max(samples) + 1, run.index(name)]]
+        for world, run in runs
+        for name in names
+        if name in run.names and name not in pathless(world)
+    ]
+    wheels = [
+        empty.flat(np.asarray(pulley.centre)) + pulley.radius * np.array([[-1, -1], [1, 1]])
+        for world, _ in runs
+        for pulley in world.pulleys
+    ]
+    places = [
+        view.outline(run.index(name), sample)
+        for world, run in runs
+        for view in [PlanView(world, run, empty, names)]
+        for name in names
+        if name in run.names
+        for sample in samples
+        if sample < len(run.times) and run.active[sample, run.index(name)]
+    ]
+    return PlanFrame(axes, origin, np.concatenate([*ways, *places, *wheels, np.empty((0, 2))]), height)
+
+
+def pathless(world: World) -> set[str]:
+    """Names of ropes and fluids: their centre is nothing that can be seen."""
+    return {d.name for d in world.of_form("liquid", "line")}
+
+
+def short_names(names: Sequence[str]) -> dict[str, str]:
+    """Names to write into pictures: as they are; of a crowd what differs, or else numbers from 1 on."""
+    if len(names) <= CROWD:
+        return {name: name for name in names}
+    common = len(list(takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))))
+    if all(0 < len(name) - common <= 3 for name in names):
+        return {name: name[common:] for name in names}
+    return {name: str(k) for k, name in enumerate(names, start=1)}
 
 
 class PlanView:
-    """A strip beside a picture. It is turned so that up is away from the camera and right is right."""
+    """Draws one run of a world on the axes of a plan."""
 
-    def __init__(
-        self, world: World, trajectory: Trajectory, camera: Camera, names: list[str], samples: list[int], height: int
-    ) -> None:
-        """The strip shows `names` at all of the trajectory's `samples`; it is `height` pixels high."""
-        self.world, self.trajectory, self.names = world, trajectory, names
-        self.axes = _axes(world, camera)
-        self.origin = np.asarray(world.environment.motion_plane.point, dtype=float)
-        corners = [
-            self._outline(trajectory.index(name), sample)
-            for name in names
-            for sample in samples
-            if trajectory.active[sample, trajectory.index(name)]
-        ]
-        finite = [c for c in corners if np.all(np.isfinite(c))] or [np.array([[-0.5, -0.5], [0.5, 0.5]])]
-        lower, upper = np.concatenate(finite).min(axis=0), np.concatenate(finite).max(axis=0)
-        extent = np.maximum(upper - lower, 1e-3)
-        shape = float(np.clip(extent[0] / extent[1], NARROWEST, WIDEST))
-        self.height, self.width = height, 2 * round(shape * height / 2)
-        room = np.array([self.width - 2 * MARGIN, height - 2 * MARGIN - FOOT], dtype=float)
-        self.pixels_per_metre = float((room / extent).min())
-        self.centre = (lower + upper) / 2
+    def __init__(self, world: World, trajectory: Trajectory, frame: PlanFrame, names: Sequence[str]) -> None:
+        """names: objects that get names and paths."""
+        self.world, self.trajectory, self.frame = world, trajectory, frame
+        self.names = [name for name in names if name in trajectory.names]
+        self.short = short_names(names)
+        self.pathless = pathless(world)
 
-    def draw(self, sample: int, marks: Sequence[int], dashed_from: int | None, observed: dict[str, Array]) -> Image:
-        """The strip (height, width, 3) at one sample of the trajectory, with the paths up to it.
+    def draw(
+        self,
+        sample: int,
+        marks: Sequence[int],
+        dashed_from: int | None,
+        observed: dict[str, Array],
+        events: Sequence[Event] = (),
+        since: int = 0,
+    ) -> Image:
+        """The plan (h, w, 3) at one sample of the trajectory: paths up to it, and faint those to come.
 
         marks: samples that get a dot; dashed_from: the sample from which paths are dashed; observed: measured
-        positions (3,) [m] by object, drawn as crosses.
+        positions (3,) [m] by object, drawn as crosses; events: marked where they happen; since: the sample before
+        which nothing is drawn.
         """
-        canvas = Canvas(np.full((self.height, self.width, 3), GROUND, np.uint8), 1.0)
-        self._draw_statics(canvas)
-        shown: dict[str, NDArray[np.bool_]] = {}
-        others = np.zeros((self.height, self.width), np.uint8)
+        canvas = self.frame.ground()
+        self.statics(canvas)
+        shown, others = self.objects(canvas, sample)
+        self.paths(canvas, sample, SIMULATED, marks=marks, dashed_from=dashed_from, since=since)
+        stars = self.events(canvas, sample, events, since)
+        for name, place in observed.items():
+            self.joined(canvas, place, self.trajectory.positions[sample, self.trajectory.index(name)])
+            draw_cross(canvas, self.pixel(place), OBSERVED)
+        self.frame.finish(canvas)
+        self.write_names(canvas, shown, stars, others)
+        return canvas.image
+
+    def write_names(self, canvas: Canvas, shown: dict[str, Mask], stars: dict[str, Mask], others: Mask) -> None:
+        """Write names of objects beside their masks, and the times of collisions where there are few."""
+        others = np.any([others, ~self.frame.inside, *stars.values()], axis=0)
+        canvas.names({self.short[name]: mask for name, mask in shown.items()}, OBSERVED, others)
+        if len(stars) <= TIMED and len(self.names) <= CROWD:
+            canvas.names(stars, EVENT, np.any([others, *shown.values()], axis=0))
+
+    def objects(self, canvas: Canvas, sample: int, edge: Color = OBSERVED) -> tuple[dict[str, Mask], Mask]:
+        """Fill the objects; returns the masks of `names` and of all others."""
+        shown: dict[str, Mask] = {}
+        others = np.zeros((self.frame.height, self.frame.width), bool)
         for soft in self.world.deformables:
-            self._draw_deformable(canvas, soft, sample, shown, others)
+            mask = self._deformable_mask(soft, sample)
+            if mask is None:
+                continue
+            material = material_of(soft)
+            color = display_color(soft.appearance.color or material.color, self.trajectory.index(soft.name))
+            weight = material.opacity
+            below = canvas.image[mask]
+            canvas.image[mask] = (weight * np.array(color[::-1]) + (1.0 - weight) * below).astype(np.uint8)
+            if soft.name in self.names:
+                shown[soft.name] = mask
+            else:
+                others |= mask
         for column, item in enumerate(self.world.objects):
-            if not self.trajectory.active[sample, column]:
+            polygon = self._polygon(column, sample)
+            if polygon is None:
                 continue
-            outline = self._outline(column, sample)
-            if not np.all(np.isfinite(outline)):
-                continue
-            polygon = self._pixels(outline)
             chosen = item.name in self.names
             color = display_color(item.appearance.color, column)[::-1]
             cv2.fillPoly(canvas.image, [polygon], color, cv2.LINE_AA, FINE_BITS)
-            edge = OBSERVED if chosen else STATIC
-            cv2.polylines(canvas.image, [polygon], True, edge, 1, cv2.LINE_AA, FINE_BITS)
-            mask = np.zeros_like(others)
-            cv2.fillPoly(mask, [polygon], 1, cv2.LINE_8, FINE_BITS)
+            cv2.polylines(canvas.image, [polygon], True, edge if chosen else STATIC, 1, cv2.LINE_AA, FINE_BITS)
+            mask = self._filled(polygon)
             if chosen:
-                shown[item.name] = mask > 0
+                shown[item.name] = mask
             else:
                 others |= mask
-        pathless = {d.name for d in self.world.of_form("liquid", "line")}
-        for name in [name for name in shown if name not in pathless]:
-            column = self.trajectory.index(name)
-            began = int(np.argmax(self.trajectory.active[:, column]))
-            points = self._pixel_points(self._flat(self.trajectory.positions[began : sample + 1, column]))
-            dashed = None if dashed_from is None else max(dashed_from - began, 0)
-            canvas.path(points, SIMULATED, [m - began for m in marks if began <= m <= sample], dashed)
-        for name, place in observed.items():
-            self._draw_observed(canvas, place, self.trajectory.positions[sample, self.trajectory.index(name)])
-        canvas.names(shown, OBSERVED, others > 0)
-        self._draw_scale(canvas)
-        return canvas.image
+        return shown, others
 
-    def _draw_deformable(
+    def outlines(self, canvas: Canvas, sample: int, color: Color, style: Style) -> None:
+        """Draw the outlines of `names` alone."""
+        for name in self.names:
+            column = self.trajectory.index(name)
+            if column < len(self.world.objects):
+                polygon = self._polygon(column, sample)
+                mask = None if polygon is None else self._filled(polygon)
+            else:
+                mask = self._deformable_mask(self.world.deformable(name), sample)
+            if mask is not None and mask.any():
+                canvas.outline(mask, color, style)
+
+    def paths(
         self,
         canvas: Canvas,
-        item: Deformable,
         sample: int,
-        shown: dict[str, NDArray[np.bool_]],
-        others: NDArray[np.uint8],
+        color: Color,
+        *,
+        marks: Sequence[int] = (),
+        dashed_from: int | None = None,
+        since: int = 0,
+        to_come: bool = True,
     ) -> None:
-        """A rope as a line, cloth and soft bodies as their filled triangles, a fluid as the dots of its particles."""
-        column = self.trajectory.index(item.name)
-        if not self.trajectory.active[sample, column]:
-            return
-        material, mesh = material_of(item), mesh_of(self.world, item)
-        color = display_color(item.appearance.color or material.color, column)
-        flat = self._flat(self.trajectory.deformables[item.name].points[sample])
-        mask = np.zeros_like(others)
-        wide = 1
-        if material.form == "liquid":
-            pixels = np.rint(self._pixel_points(flat[np.all(np.isfinite(flat), axis=1)])).astype(int)
-            inside = np.all((pixels >= 0) & (pixels < [self.width, self.height]), axis=1)
-            mask[pixels[inside, 1], pixels[inside, 0]] = 1
-            cell = 0.0 if self.world.fluid_grid is None else self.world.fluid_grid.cell
-            wide = max(2, round(1.2 * cell * self.pixels_per_metre))
-            mask[:] = cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide)))
-        elif material.form == "line":
-            wide = max(2, round(2 * float(mesh.radius[0]) * self.pixels_per_metre))
-            cv2.polylines(mask, [self._pixels(flat)], False, 1, wide, cv2.LINE_8, FINE_BITS)
-        else:
-            corners = self._pixels(flat)[mesh.triangles]
-            for triangle in corners:
-                cv2.fillConvexPoly(mask, triangle, 1, cv2.LINE_8, FINE_BITS)
-        covered = mask > 0
-        weight = material.opacity
-        canvas.image[covered] = (weight * np.array(color[::-1]) + (1.0 - weight) * canvas.image[covered]).astype(
-            np.uint8
-        )
-        if item.name in self.names:
-            shown[item.name] = covered
-        else:
-            others |= mask
+        """Draw where `names` went from a sample to another, with an arrow, and faintly where they go from there."""
+        run = self.trajectory
+        for name in [name for name in self.names if name not in self.pathless]:
+            column = run.index(name)
+            if not run.active[:, column].any():
+                continue
+            began = max(int(np.argmax(run.active[:, column])), since)
+            points = self.frame.pixel_points(self.frame.flat(run.positions[:, column]))
+            crowd = len(self.names) > CROWD
+            if to_come and not crowd:
+                canvas.faint(points[max(sample, began) :], color)
+            past = points[began : sample + 1]
+            dots = [] if crowd else [m - began for m in marks if began <= m <= sample]
+            canvas.path(past, color, dots, None if dashed_from is None else max(dashed_from - began, 0))
+            self._direction(canvas, past, color)
 
-    def _draw_observed(self, canvas: Canvas, observed: Array, simulated: Array) -> None:
-        """A cross where an object was observed, and a line from there to where it is simulated."""
-        if not np.all(np.isfinite([observed, simulated])):
-            return
-        line = fine(self._pixel_points(self._flat(np.stack([observed, simulated]))))
-        cv2.polylines(canvas.image, [line], False, DARK, 3, cv2.LINE_AA, FINE_BITS)
-        cv2.polylines(canvas.image, [line], False, OBSERVED, 1, cv2.LINE_AA, FINE_BITS)
-        x, y = (round(float(v)) for v in self._pixel_points(self._flat(observed)))
-        cv2.drawMarker(canvas.image, (x, y), DARK, cv2.MARKER_TILTED_CROSS, 9, 3, cv2.LINE_AA)
-        cv2.drawMarker(canvas.image, (x, y), OBSERVED, cv2.MARKER_TILTED_CROSS, 8, 1, cv2.LINE_AA)
+    def events(self, canvas: Canvas, sample: int, events: Iterable[Event], since: int = 0) -> dict[str, Mask]:
+        """Mark events up to a sample as stars, later ones as hollow stars; returns masks of the former by time."""
+        times, stars = self.trajectory.times, {}
+        for event in events:
+            place = self.place_of(event)
+            if place is None or event.time < times[since]:
+                continue
+            past = event.time <= times[sample] + 1e-9
+            if not past and len(self.names) > CROWD:
+                continue
+            x, y = self.pixel(place)
+            draw_star(canvas, (x, y), EVENT, filled=past)
+            if past:
+                mask = np.zeros((self.frame.height, self.frame.width), np.uint8)
+                cv2.circle(mask, (round(x), round(y)), 8, 1, -1)
+                stars[f"{event.time:.3g} s"] = mask > 0
+        return stars
 
-    def _flat(self, points: Array) -> Array:
-        """World points (..., 3) [m] in the strip's axes (..., 2) [m]."""
-        flat: Array = (np.asarray(points) - self.origin) @ self.axes[:2].T
-        return flat
+    def place_of(self, event: Event) -> Array | None:
+        """Where an event happens (3,) [m]; None where that is not known."""
+        if event.position is not None:
+            return np.asarray(event.position, dtype=float)
+        known = [name for name in event.participants if name in self.trajectory.names]
+        if not known:
+            return None
+        row = int(np.argmin(np.abs(self.trajectory.times - event.time)))
+        place: Array = self.trajectory.positions[row, self.trajectory.index(known[0])]
+        return place
 
-    def _pixel_points(self, flat: Array) -> Array:
-        """Points (..., 2) of the strip's axes [m] to its pixels."""
-        middle = np.array([self.width / 2, (self.height - FOOT) / 2 + 8])
-        points: Array = middle + (flat - self.centre) * self.pixels_per_metre * np.array([1.0, -1.0])
-        return points
+    def joined(self, canvas: Canvas, start: Array, end: Array, color: Color = OBSERVED) -> None:
+        """Draw a line between two places (3,) [m]."""
+        ends = self.frame.pixels(self.frame.flat(np.stack([start, end])))
+        if np.all(np.isfinite([start, end])):
+            cv2.polylines(canvas.image, [ends], False, DARK, 3, cv2.LINE_AA, FINE_BITS)
+            cv2.polylines(canvas.image, [ends], False, color, 1, cv2.LINE_AA, FINE_BITS)
 
-    def _pixels(self, flat: Array) -> NDArray[np.int32]:
-        return fine(np.clip(self._pixel_points(flat), -1e4, 1e4))
+    def pixel(self, place: Array) -> tuple[float, float]:
+        """The pixel of a place (3,) [m]."""
+        x, y = np.clip(np.nan_to_num(self.frame.pixel_points(self.frame.flat(place)), nan=-1e4), -1e4, 1e4)
+        return float(x), float(y)
 
-    def _outline(self, column: int, sample: int) -> Array:
+    def outline(self, column: int, sample: int) -> Array:
+        """Corners (k, 2) [m] of an object on the axes of the plan; of a deformable one those of its extent."""
         if column >= len(self.world.objects):
-            points = self._flat(self.trajectory.deformables[self.trajectory.names[column]].points[sample])
+            points = self.frame.flat(self.trajectory.deformables[self.trajectory.names[column]].points[sample])
             points = points[np.all(np.isfinite(points), axis=1)]
             return np.stack([points.min(axis=0), points.max(axis=0)]) if len(points) else np.full((1, 2), np.nan)
         rotation = geometry.quaternion_matrix(self.trajectory.orientations[sample, column])
-        place = self._flat(self.trajectory.positions[sample, column])
+        place = self.frame.flat(self.trajectory.positions[sample, column])
         if not (np.all(np.isfinite(rotation)) and np.all(np.isfinite(place))):
             return np.full((1, 2), np.nan)
-        return place + silhouette(self.world.objects[column].shape, rotation, self.axes)
+        return place + silhouette(self.world.objects[column].shape, rotation, self.frame.axes)
 
-    def _draw_statics(self, canvas: Canvas) -> None:
+    def statics(self, canvas: Canvas) -> None:
         """Walls, boxes and the like in outline; planes that stand on edge as lines. Triangle meshes are left out."""
         for static in self.world.statics:
             shape, place = static.shape, np.asarray(static.position, dtype=float)
@@ -181,37 +256,71 @@ class PlanView:
                 continue
             if isinstance(shape, Plane):
                 normal = rotation @ (np.asarray(shape.normal) / np.linalg.norm(shape.normal))
-                across = self.axes[:2] @ normal
+                across = self.frame.axes[:2] @ normal
                 if np.linalg.norm(across) < 0.9:
                     continue
-                foot = self._flat(place + normal * shape.offset)
-                along = np.array([-across[1], across[0]]) * 1e4 / self.pixels_per_metre
-                line = self._pixels(np.stack([foot - along, foot + along]))
+                foot = self.frame.flat(place + normal * shape.offset)
+                along = np.array([-across[1], across[0]]) * 1e4 / self.frame.pixels_per_metre
+                line = self.frame.pixels(np.stack([foot - along, foot + along]))
                 cv2.polylines(canvas.image, [line], False, STATIC, 2, cv2.LINE_AA, FINE_BITS)
                 continue
             if isinstance(shape, Wall):
                 box, centre, turn = geometry.wall_box(shape)
                 place, rotation, shape = place + rotation @ centre, rotation @ turn, box
-            polygon = self._pixels(self._flat(place) + silhouette(shape, rotation, self.axes))
+            polygon = self.frame.pixels(self.frame.flat(place) + silhouette(shape, rotation, self.frame.axes))
             cv2.polylines(canvas.image, [polygon], True, STATIC, 2, cv2.LINE_AA, FINE_BITS)
 
-    def _draw_scale(self, canvas: Canvas) -> None:
-        """Draw the strip's caption, a bar of a round length, and the world axes that lie in the plane."""
-        canvas.write("plan, to scale", (8, 16))
-        length = round_length(self.width / 4 / self.pixels_per_metre)
-        y, left = self.height - 12, 10
-        right = left + round(length * self.pixels_per_metre)
-        for color, thickness in ((DARK, 5), (OBSERVED, 2)):
-            cv2.line(canvas.image, (left, y), (right, y), color, thickness, cv2.LINE_8)
-        canvas.write(f"{length:g} m", (right + 8, y + 4))
-        foot = np.array([self.width - 44.0, self.height - 44.0])
-        for name, axis in zip("xyz", np.eye(3), strict=True):
-            flat = self.axes[:2] @ axis * np.array([1.0, -1.0])
-            if np.linalg.norm(flat) < 0.5:
-                continue
-            start, tip = (tuple(np.rint(p).astype(int).tolist()) for p in (foot, foot + 18.0 * flat))
-            cv2.arrowedLine(canvas.image, start, tip, STATIC, 1, cv2.LINE_AA, 0, 0.3)
-            canvas.write(name, tuple((foot + 27.0 * flat + np.array([-4.0, 4.0])).tolist()), STATIC)
+        for pulley in self.world.pulleys:
+            if abs(np.asarray(pulley.axis) @ self.frame.axes[2]) > 0.9 * np.linalg.norm(pulley.axis):
+                x, y = self.pixel(np.asarray(pulley.centre))
+                radius = round(pulley.radius * self.frame.pixels_per_metre)
+                cv2.circle(canvas.image, (round(x), round(y)), radius, STATIC, 2, cv2.LINE_AA)
+
+    def _polygon(self, column: int, sample: int) -> NDArray[np.int32] | None:
+        if not self.trajectory.active[sample, column]:
+            return None
+        corners = self.outline(column, sample)
+        return self.frame.pixels(corners) if np.all(np.isfinite(corners)) else None
+
+    def _filled(self, polygon: NDArray[np.int32]) -> Mask:
+        mask = np.zeros((self.frame.height, self.frame.width), np.uint8)
+        cv2.fillPoly(mask, [polygon], 1, cv2.LINE_8, FINE_BITS)
+        return mask > 0
+
+    def _deformable_mask(self, item: Deformable, sample: int) -> Mask | None:
+        """A rope as a line, cloth and soft bodies as their triangles, a fluid as the dots of its particles."""
+        if not self.trajectory.active[sample, self.trajectory.index(item.name)]:
+            return None
+        material, mesh = material_of(item), mesh_of(self.world, item)
+        flat = self.frame.flat(self.trajectory.deformables[item.name].points[sample])
+        mask = np.zeros((self.frame.height, self.frame.width), np.uint8)
+        if material.form == "liquid":
+            pixels = np.rint(self.frame.pixel_points(flat[np.all(np.isfinite(flat), axis=1)])).astype(int)
+            inside = np.all((pixels >= 0) & (pixels < [self.frame.width, self.frame.height]), axis=1)
+            mask[pixels[inside, 1], pixels[inside, 0]] = 1
+            cell = 0.0 if self.world.fluid_grid is None else self.world.fluid_grid.cell
+            wide = max(2, round(1.2 * cell * self.frame.pixels_per_metre))
+            mask[:] = cv2.dilate(mask, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide)))
+        elif material.form == "line":
+            wide = max(2, round(2 * float(mesh.radius[0]) * self.frame.pixels_per_metre))
+            moment = self.trajectory.select(np.array([sample]))
+            flat = self.frame.flat(rope_line(self.world, moment, item.name)[0])  # round pulleys
+            cv2.polylines(mask, [self.frame.pixels(flat)], False, 1, wide, cv2.LINE_8, FINE_BITS)
+        else:
+            for triangle in self.frame.pixels(flat)[mesh.triangles]:
+                cv2.fillConvexPoly(mask, triangle, 1, cv2.LINE_8, FINE_BITS)
+        return mask > 0
+
+    def _direction(self, canvas: Canvas, path: Array, color: Color) -> None:
+        """An arrow half way along a path (k, 2) [px] that is long enough for one."""
+        path = path[np.all(np.isfinite(path), axis=1)]
+        steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+        if steps.sum() < AHEAD or len(self.names) > CROWD:
+            return
+        k = int(np.searchsorted(np.cumsum(steps), steps.sum() / 2))
+        along = path[k + 1] - path[k]
+        if np.linalg.norm(along) > 0:
+            draw_arrow(canvas, (float(path[k + 1, 0]), float(path[k + 1, 1])), (along[0], along[1]), color)
 
 
 def silhouette(shape: geometry.Solid, rotation: Array, axes: Array) -> Array:
@@ -224,21 +333,3 @@ def silhouette(shape: geometry.Solid, rotation: Array, axes: Array) -> Array:
     swept = (points[:, None] + disc).reshape(-1, 2)
     corners: Array = swept[ConvexHull(swept).vertices]
     return corners
-
-
-def round_length(longest: float) -> float:
-    """The longest of 1, 2 or 5 times a power of ten that is no longer than `longest`."""
-    power = 10.0 ** np.floor(np.log10(longest))
-    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= longest * (1 + 1e-9)))
-
-
-def _axes(world: World, camera: Camera) -> Array:
-    """Rows right, up, towards the viewer (3, 3): the motion plane's normal, and the camera's right laid into it."""
-    own = geometry.plane_axes(world.environment.motion_plane)
-    normal = own[2]
-    right = np.asarray(camera.rotation, dtype=float)[0]
-    right = right - (right @ normal) * normal
-    if np.linalg.norm(right) < 0.2:
-        return own
-    right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(normal, right), normal])

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from atw_mcp.calls.app import App
 from atw_mcp.calls.results import explained
+from atw_mcp.looking.legend import Entry, arrow, cross, dot, legend, line, star
 from atw_mcp.looking.overlay import OBSERVED, SIMULATED, SIMULATED_NAME, Canvas
-from atw_mcp.looking.plan_view import PlanView, round_length
+from atw_mcp.looking.plan_frame import PlanFrame, round_length
+from atw_mcp.looking.plan_view import CROWD, EVENT, PlanView, pathless, plan_frame, short_names
 from atw_mcp.observation.observing import (
     chosen_image_observation,
     latest_image_observation,
@@ -22,6 +24,7 @@ from atw_mcp.observation.observing import (
 from atw_mcp.observation.track_records import TrackRecord, at_rate
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import read_frames
+from atw_mcp.probing.marked_events import marked_events
 from atw_mcp.worlds.marks import LEGEND, WorldMarks
 from evidence_store import Case
 from polyworld.data.tracks import ObservedTracks
@@ -39,15 +42,17 @@ class RolloutView:
 
     def __init__(self, app: App, case: Case, world: World, result: Rollout, background: str) -> None:
         self.world, self.result = world, result
-        self.pathless = {d.name for d in world.of_form("liquid", "line")}
+        self.pathless = pathless(world)
         self.frame_time = world.time.seconds_per_frame
         times = result.trajectory.times
         if not len(times):
             raise ToolError("this rollout diverged at once: there is nothing to see. ReadProperty shows its parameters")
         self.last_frame = int(np.floor(times[-1] / self.frame_time + 1e-6))
         self.mark_every = round_length(max(times[-1], self.frame_time) / 5) if times[-1] > 0 else self.frame_time
+        self.events = marked_events(world, result)
         self.marks = [self._sample(t / self.frame_time) for t in np.arange(0.0, times[-1] + 1e-9, self.mark_every)]
         frame_count = world.time.frame_count
+        self.shows = ""  # the plane of the plan, once drawn
         self.dashed_from = self._sample(frame_count - 1) if 2 <= frame_count <= self.last_frame else None
         # A branch is meant to differ from the video: measuring it against the video would mislead.
         self.follows = not any(d.how == "intervention" for d in app.store.worlds.parents(world.id))
@@ -74,7 +79,8 @@ class RolloutView:
         with explained():
             filmed = dict(zip(wanted, read_frames(self.video, wanted), strict=True)) if self.video and wanted else {}
         samples = [self._sample(frame) for frame in frames]
-        plan: PlanView | None = None
+        short = short_names(names)
+        axes: PlanFrame | None = None
         for frame, sample in zip(frames, samples, strict=True):
             visible = trajectory.active[sample].tolist()
             place, turn = trajectory.positions[sample], trajectory.orientations[sample]
@@ -91,21 +97,27 @@ class RolloutView:
             canvas = Canvas.of(np.asarray(base, dtype=np.uint8))
             observed = self.observation if self.observation and frame in self.observation.frames else None
             self.marks_of_world.draw(canvas, sample)
-            about = [self._draw_object(canvas, picture, name, sample, frame, observed, real) for name in names]
+            since = self._since(sample, names)
+            about = [self._draw_object(canvas, picture, name, sample, frame, observed, real, since) for name in names]
             if observed is not None and real:
                 draw_observed(canvas, observed, [n for n in names if n in observed.names], frame, label=False)
             objects = (picture.labels >= 0) & (picture.labels < len(trajectory.names))
             if observed is not None and real:
                 for name in observed.names:
                     objects |= observed.mask(name, frame)
-            canvas.names({name: picture.mask(trajectory.index(name)) for name in names}, SIMULATED_NAME, objects)
+            masks = {short[name]: picture.mask(trajectory.index(name)) for name in names}
+            canvas.names(masks, SIMULATED_NAME, objects)
             time = frame * self.frame_time
             canvas.write(f"frame {frame}   {time:.3f} s   " + ("over the video" if real else "simulated"), (8, 16))
-            plan = plan or PlanView(self.world, trajectory, self.camera, names, samples, len(canvas.image))
-            strip = plan.draw(sample, self.marks, self.dashed_from, self._observed_places(names, frame))
-            line = np.full((len(strip), 3, 3), 255, np.uint8)
+            axes = axes or plan_frame([(self.world, trajectory)], self.camera, names, samples, len(canvas.image))
+            plan = PlanView(self.world, trajectory, axes, names)
+            measured = self._observed_places(names, frame)
+            strip = plan.draw(sample, self.marks, self.dashed_from, measured, self.events, since)
+            self.shows = axes.shows
+            gap = np.full((len(strip), 3, 3), 255, np.uint8)
+            whole = np.concatenate([canvas.image, gap, strip], axis=1)
             # Stored pictures come back in the order of their names.
-            drawn[f"frame {frame:06d}"] = np.concatenate([canvas.image, line, strip], axis=1)
+            drawn[f"frame {frame:06d}"] = np.concatenate([whole, legend(self._entries(names), whole.shape[1])])
             rows.append({"frame": frame, "time": time, "over_video": real, "objects": about})
         return drawn, rows
 
@@ -142,6 +154,7 @@ class RolloutView:
         frame: int,
         observed: ImageObservation | None,
         real: bool,
+        since: int,
     ) -> dict[str, Any]:
         trajectory = self.result.trajectory
         column = trajectory.index(name)
@@ -149,11 +162,12 @@ class RolloutView:
         if not trajectory.active[sample, column]:
             return {**about, "simulated": False, "why": "joins later"}
         mask = picture.mask(column)
-        began = int(np.argmax(trajectory.active[:, column]))
+        began = max(int(np.argmax(trajectory.active[:, column])), since)
         points = self.camera.project(trajectory.positions[began : sample + 1, column])
         dashed = None if self.dashed_from is None else max(self.dashed_from - began, 0)
         if name not in self.pathless:  # the centre of a rope or a fluid is nothing that can be seen
-            canvas.path(points, SIMULATED, [m - began for m in self.marks if began <= m <= sample], dashed)
+            dots = [m - began for m in self.marks if began <= m <= sample and not since]
+            canvas.path(points, SIMULATED, dots, dashed)
         if real:  # in a picture of the simulated world itself an outline would say nothing
             canvas.outline(mask, SIMULATED)
         about["visible_pixels"] = int(mask.sum())
@@ -169,20 +183,55 @@ class RolloutView:
                 about["error_px"] = float(np.linalg.norm(_centroid(mask) - _centroid(theirs)))
         return about
 
-    def legend(self) -> str:
-        """Explain the colours and lines of the pictures."""
+    def legend(self, names: list[str]) -> str:
+        """Explain the colours and lines of the pictures that `draw` made."""
         legend = "magenta: simulated outline (over the video) and path up to the frame; "
-        legend += "right: the plan, seen straight down on the plane of motion and to scale, "
-        legend += "up is away from the camera; "
+        legend += f"right: {self.shows}, to scale in metres of the world, with paths to come dotted"
         if self.observation is not None or self.record is not None:
-            legend += "white dashes: observed outline; white crosses in the plan: observed positions, "
-            legend += "with a line to where the object is simulated; "
-        legend += f"dots on paths every {self.mark_every:g} s"
+            legend += "; white dashes: observed outline; white crosses in the plan: observed positions, "
+            legend += "with a line to where the object is simulated"
+        if self.events:
+            legend += "; yellow stars in the plan: collisions, hollow: to come"
+        short = short_names(names)
+        if len(names) > CROWD:
+            legend += f"; paths and collisions of the last {2 * self.mark_every:g} s; objects are written as "
+            legend += ", ".join(f"{text} {name}" for name, text in short.items())
+        else:
+            legend += f"; dots on paths every {self.mark_every:g} s"
         if self.marks_of_world.any:
             legend += f"; {LEGEND}"
         if self.dashed_from is None:
             return legend
         return legend + f"; paths dashed after frame {self.world.time.frame_count - 1}, the last observed"
+
+    def _entries(self, names: list[str]) -> list[Entry]:
+        """Return the legend that is drawn below a picture."""
+        found = []
+        if self.video is not None:
+            found.append(Entry("simulated outline", line(SIMULATED)))
+        if self.video is not None and self.observation is not None:
+            found.append(Entry("observed outline", line(OBSERVED, "dashed")))
+        if self.record is not None:
+            found.append(Entry("observed position", cross(OBSERVED)))
+        if len(names) > CROWD:
+            found.append(Entry(f"path, last {2 * self.mark_every:g} s", line(SIMULATED)))
+        else:
+            found.append(Entry("path", arrow(SIMULATED)))
+            found.append(Entry("path to come", line(SIMULATED, thin=True)))
+            found.append(Entry(f"every {self.mark_every:g} s", dot(SIMULATED)))
+        if self.dashed_from is not None:
+            last = (self.world.time.frame_count - 1) * self.frame_time
+            found.append(Entry(f"path beyond {last:.3g} s, the last observed", line(SIMULATED, "dashed")))
+        if self.events:
+            found.append(Entry("collision", star(EVENT)))
+            if len(names) <= CROWD:
+                found.append(Entry("collision to come", star(EVENT, filled=False)))
+        return found
+
+    def _since(self, sample: int, names: list[str]) -> int:
+        """Return the sample from which paths are drawn: the first, but for a crowd only the last two marks."""
+        past = [m for m in self.marks if m <= sample]
+        return 0 if len(names) <= CROWD or len(past) < 2 else past[-2]
 
     def accuracy(self) -> dict[str, Any] | None:
         """Root mean square errors over every observed frame that the rollout covers; None without tracks."""

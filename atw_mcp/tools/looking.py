@@ -361,7 +361,7 @@ def _rollout_pictures(
         "rollout": identifier,
         "world": shown_world.id,
         "branch": not view.follows,
-        "legend": view.legend(),
+        "legend": view.legend(names),
         "camera": "the calibrated one" if shown_world.camera is not None else "a view from above and the side",
         "seconds_per_frame": view.frame_time,
     }

@@ -61,13 +61,4 @@ def rounded(points: NDArray[np.float64]) -> NDArray[np.float32]:
 
 def at_samples(trajectory: Trajectory, rows: NDArray[np.int64]) -> Trajectory:
     """Return a trajectory at some of its samples."""
-    return Trajectory(
-        names=trajectory.names,
-        times=trajectory.times[rows],
-        positions=trajectory.positions[rows],
-        orientations=trajectory.orientations[rows],
-        velocities=trajectory.velocities[rows],
-        angular_velocities=trajectory.angular_velocities[rows],
-        active=trajectory.active[rows],
-        deformables={name: motion.select(rows) for name, motion in trajectory.deformables.items()},
-    )
+    return trajectory.select(rows)

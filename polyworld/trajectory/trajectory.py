@@ -89,6 +89,19 @@ class Trajectory:
             raise KeyError(f"unknown object {name!r}; objects: {list(self.names)}")
         return self.names.index(name)
 
+    def select(self, rows: NDArray[np.int64]) -> Trajectory:
+        """Return the motion at some of the times."""
+        return Trajectory(
+            names=self.names,
+            times=self.times[rows],
+            positions=self.positions[rows],
+            orientations=self.orientations[rows],
+            velocities=self.velocities[rows],
+            angular_velocities=self.angular_velocities[rows],
+            active=self.active[rows],
+            deformables={name: motion.select(rows) for name, motion in self.deformables.items()},
+        )
+
 
 @dataclass(frozen=True)
 class Truncation:

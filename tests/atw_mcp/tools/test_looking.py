@@ -109,7 +109,7 @@ def test_world_is_drawn_over_the_frames_with_its_error(app: App) -> None:
     magenta = picture(answer.pictures["frame 000000.jpg"])
     plain = looking.inspect_frames(app, CASE, frames=[0], plain=True)
     frame = picture(plain.pictures["frame 000000.jpg"])
-    gained = (magenta[:, : frame.shape[1]] - frame)[..., [0, 2]].min(axis=2) > 60
+    gained = (magenta[: frame.shape[0], : frame.shape[1]] - frame)[..., [0, 2]].min(axis=2) > 60
     assert gained.sum() > 200
 
 
