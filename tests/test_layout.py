@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -14,12 +15,29 @@ FORBIDDEN = {
 }
 
 
+@cache
+def imports(source: Path) -> tuple[tuple[ast.Import | ast.ImportFrom, bool], ...]:
+    """Return every import of a file, also inside functions, and whether it is for types only."""
+    found: list[tuple[ast.Import | ast.ImportFrom, bool]] = []
+
+    def walk(node: ast.AST, for_types: bool) -> None:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.Import | ast.ImportFrom):
+                found.append((child, for_types))
+            elif isinstance(child, ast.stmt | ast.ExceptHandler | ast.match_case):  # expressions import nothing
+                test = child.test if isinstance(child, ast.If) else None
+                walk(child, for_types or (isinstance(test, ast.Name) and test.id == "TYPE_CHECKING"))
+
+    walk(ast.parse(source.read_text()), False)
+    return tuple(found)
+
+
 def imported_packages(source: Path) -> set[str]:
     packages = set()
-    for node in ast.walk(ast.parse(source.read_text())):
+    for node, _ in imports(source):
         if isinstance(node, ast.Import):
             packages |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+        elif node.level == 0 and node.module:
             packages.add(node.module.split(".")[0])
     return packages
 
@@ -83,15 +101,8 @@ FLOORS = {
 def rooms_imported(source: Path, package: str) -> set[str]:
     """First folder or module below the package of all that a file imports, also inside functions, but for types."""
     found: set[str] = set()
-    tree = ast.parse(source.read_text())
-    for_types = {
-        id(node)
-        for branch in ast.walk(tree)
-        if isinstance(branch, ast.If) and ast.unparse(branch.test) == "TYPE_CHECKING"
-        for node in ast.walk(branch)
-    }
-    for node in ast.walk(tree):
-        if id(node) in for_types:
+    for node, for_types in imports(source):
+        if for_types:
             continue
         if isinstance(node, ast.ImportFrom) and node.module == package:
             found |= {alias.name for alias in node.names}
@@ -133,8 +144,8 @@ def test_no_test_outside_the_benchmarks_imports_them() -> None:
     for source in sorted(tests.rglob("*.py")):
         if source.relative_to(tests).parts[0] == "benchmarks":
             continue
-        for node in ast.walk(ast.parse(source.read_text())):
-            names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
+        for node, _ in imports(source):
+            names = [alias.name for alias in node.names]
             if isinstance(node, ast.ImportFrom) and node.module:
                 names = [f"{node.module}.{name}" for name in names]
             if any(name.startswith("tests.benchmarks") for name in names):

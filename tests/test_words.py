@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -32,13 +33,19 @@ INSTEAD = {
 }
 
 
+@cache
+def text(path: Path) -> str:
+    return path.read_text()
+
+
 @pytest.mark.parametrize("words", INSTEAD)
 def test_no_word_of_the_old_dialect_is_left(words: str) -> None:
     pattern = re.compile(rf"(?<![a-z])(?:{words})(?![a-z])", re.IGNORECASE)
     found = [
         f"{path.relative_to(ROOT)}:{number}: {line.strip()[:100]}"
         for path in [*SOURCES, ROOT / "README.md"]
-        for number, line in enumerate(path.read_text().splitlines(), start=1)
+        if pattern.search(text(path))
+        for number, line in enumerate(text(path).splitlines(), start=1)
         if pattern.search(line)
     ]
     assert not found, f"write {INSTEAD[words]!r} instead:\n" + "\n".join(found)
@@ -46,7 +53,5 @@ def test_no_word_of_the_old_dialect_is_left(words: str) -> None:
 
 def test_docstrings_open_with_what_is_done() -> None:
     opening = re.compile(r'^\s*"""What (?:is|are|a|an|the)\b', re.MULTILINE)
-    found = [
-        str(path.relative_to(ROOT)) for path in SOURCES if path.suffix == ".py" and opening.search(path.read_text())
-    ]
+    found = [str(path.relative_to(ROOT)) for path in SOURCES if path.suffix == ".py" and opening.search(text(path))]
     assert not found
