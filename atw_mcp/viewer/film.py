@@ -20,7 +20,7 @@ from evidence_store import Case
 MAX_BYTES = 8_000_000  # of a film: base64 adds a third, and a report of 15 MB holds the page and the worlds as well
 LONGEST_SIDE = 960  # [px] of a transcoded frame: more than a panel of the page shows
 SHORTEST_LONG_SIDE = 240  # [px] below which outlines no longer show what they enclose
-MOST_PIXELS = 100e6  # of all transcoded frames: about 5 s of encoding on one core
+MOST_PIXELS = 40e6  # of all transcoded frames: 2 s of encoding on one core, 8 s and 5 MB where they are noisy
 RATE = 25.0  # [1/s] of a transcoded film: a frame begins on a whole millisecond, the unit of WebM
 EVEN_START = 1e-3  # [s] players differ in what they show before a first frame that begins later
 
