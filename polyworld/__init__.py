@@ -3,11 +3,11 @@
 Describe a `World`, find `overlaps` at its start, `rollout` it or drive it with a `stepper`, `branch` it by
 interventions, `compare` the rollouts, `query` them.
 
-Rooms from the ground up: `core` (arrays of Warp), `effects` (one law a file; add an effect there) and `expressions`,
-`world` (descriptions; `world.materials` is the registry), `model` (meshes), `edits` (interventions), `trajectory`,
-`solver` (planar, spatial, coupled and the materials'), `probing` (predicates, readouts, comparison), `data`
-(recordings), `screening`, `estimation` (fits), `gap` (what is missing; `gap.ebic` decides), `pictures`, and `materials`
-(one entry a material; add a deformable there).
+Rooms from the ground up: `core` (arrays of Warp) and `executors` (bags of independent pieces), `effects` (one law a
+file; add an effect there) and `expressions`, `world` (descriptions; `world.materials` is the registry), `model`
+(meshes), `edits` (interventions), `trajectory`, `solver` (planar, spatial, coupled and the materials'), `probing`
+(predicates, readouts, comparison), `data` (recordings), `screening`, `estimation` (fits), `gap` (what is missing;
+`gap.ebic` decides), `pictures`, and `materials` (one entry a material; add a deformable there).
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ def test_perception_knows_nothing_of_mcp() -> None:
 
 FLOORS = {
     "polyworld": (
-        ("core",),
+        ("core", "executors"),
         ("effects", "expressions"),
         ("world",),
         ("model",),

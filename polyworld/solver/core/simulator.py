@@ -14,12 +14,13 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers, interruption
+from polyworld.core.cores import available_cores
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.episodes import ContactLog
 from polyworld.solver.core.patience import TooLong, in_words, time_limit
 from polyworld.solver.core.saved_state import SavedState, arrays_of, copied, write_back
-from polyworld.solver.core.thread_pool import available_cores, run_in_pool, shares
+from polyworld.solver.core.thread_pool import run_in_pool, shares
 from polyworld.solver.core.time_table import TimeTable, schedule_record, schedules, time_table
 from polyworld.trajectory import BatchTrajectory, Event, Truncation
 

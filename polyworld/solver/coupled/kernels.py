@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import os
 import pkgutil
 from types import ModuleType
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import warp as wp
 
 from polyworld.core import buffers
+from polyworld.core.cores import available_cores
 from polyworld.world import World
 from polyworld.world.materials import material_of
 
@@ -59,7 +59,7 @@ def load_kernels(world: World) -> None:
         if world.objects:
             found.append(step_kernel(bool(world.joints)).module)
     unique = list({id(m): m for m in found}.values())
-    buffers.load(unique, workers=len(os.sched_getaffinity(0)))
+    buffers.load(unique, workers=available_cores())
 
 
 def _kernel_modules(module: ModuleType) -> list[Any]:

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
+from polyworld.core.cores import available_cores
 from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.patience import Watch
-from polyworld.solver.core.thread_pool import available_cores
 from polyworld.solver.core.time_table import time_table
 from polyworld.solver.coupled.centres import centre_motion
 from polyworld.solver.coupled.fields import deformable_fields, split_overrides

@@ -1,0 +1,32 @@
+"""Run a bag of independent pieces: in this process, in processes of this machine, or on a Dask cluster.
+
+`executor_from("local:4")` gives an `Executor`; its `run(function, {key: piece})` yields `(key, result or Failure)` as
+pieces complete, `map` in the pieces' order, and `results` collects them or raises `FailedPiecesError`. Which executor
+ran a piece, beside how many others and after which, does not change its result: draw random numbers by
+`piece_seed(seed, key)`.
+"""
+
+from polyworld.executors.choice import add_executor_argument, executor_from
+from polyworld.executors.executor import (
+    TRIES,
+    Executor,
+    FailedPiecesError,
+    Failure,
+    SerialExecutor,
+    piece_seed,
+    results,
+)
+from polyworld.executors.local import LocalExecutor
+
+__all__ = [
+    "TRIES",
+    "Executor",
+    "FailedPiecesError",
+    "Failure",
+    "LocalExecutor",
+    "SerialExecutor",
+    "add_executor_argument",
+    "executor_from",
+    "piece_seed",
+    "results",
+]

@@ -1,0 +1,35 @@
+"""The `--executor` option of commands."""
+
+from __future__ import annotations
+
+import argparse
+
+from polyworld.core.cores import available_cores
+from polyworld.executors.executor import Executor, SerialExecutor
+from polyworld.executors.local import LocalExecutor
+
+FORMS = "local, local:WORKERS or serial"
+
+
+def executor_from(text: str, workers: int | None = None) -> Executor:
+    """Return the executor that a text names; `workers` counts where the text does not (default: a worker a core).
+
+    local, local:4: processes of this machine; serial: this process.
+    """
+    kind, _, rest = text.partition(":")
+    if kind == "local":
+        return LocalExecutor(_count(text, rest) if rest else workers or available_cores())
+    if text == "serial":
+        return SerialExecutor()
+    raise ValueError(f"{text!r} names no executor: give {FORMS}")
+
+
+def _count(text: str, number: str) -> int:
+    if not number.isdecimal() or int(number) < 1:
+        raise ValueError(f"{text!r}: the number of workers must be a whole number of at least 1")
+    return int(number)
+
+
+def add_executor_argument(parser: argparse.ArgumentParser) -> None:
+    """Add `--executor`, a text for `executor_from`."""
+    parser.add_argument("--executor", default="local", metavar="WHERE", help=f"{FORMS} (default: %(default)s)")
