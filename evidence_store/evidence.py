@@ -76,6 +76,18 @@ class EvidenceTable:
             self._connection.insert("evidence", row)
         return replace(evidence, id=f"ev-{seq}")
 
+    def number_from(self, first: int) -> None:
+        """Give the next record the id `ev-first`, so that stores filled apart can be merged.
+
+        Raises ValueError where ids from there on may be in use.
+        """
+        with self._connection.write() as database:
+            following = next_number(database, "evidence")
+            if first < following:
+                raise ValueError(f"the next record is ev-{following}: ids cannot begin at {first} again")
+            database.conn.execute("DELETE FROM sqlite_sequence WHERE name = 'evidence'")
+            database.conn.execute("INSERT INTO sqlite_sequence (name, seq) VALUES ('evidence', ?)", [first - 1])
+
     def update(self, evidence: Evidence) -> None:
         """Store what became of a record that was running; its tool, case and arguments stay."""
         seq = sequence_number(evidence.id)

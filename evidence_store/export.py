@@ -19,8 +19,8 @@ from typing import Any
 from sqlite_utils import Database
 
 from evidence_store.checksums import COLUMNS, PARTS, intact
-from evidence_store.connection import next_number
 from evidence_store.errors import BadArchive, StoreError
+from evidence_store.merge import insert_rows
 from evidence_store.migrations import PACKED_COLUMNS, readable
 from evidence_store.provenance import prov_json
 from evidence_store.references import Referred, referred
@@ -85,13 +85,8 @@ def import_case(store: EvidenceStore, file: Path, limits: ArchiveLimits | None =
     except (zipfile.BadZipFile, zlib.error) as error:
         raise BadArchive(f"{file} is damaged or no zip file ({error}); nothing was imported") from error
     _refuse_strangers(file, content.case, rows)
-    with store.connection.write() as database:
-        _refuse_taken(store, database, content.case, rows)
-        for table, found in rows.items():
-            for row in found:
-                if "seq" in row and table != "evidence":
-                    row["seq"] = next_number(database, table)
-                store.connection.insert(table, row, ignore="seq" not in row)
+    fresh = "import into a store of its own: --store NEW.db, which is created; nothing was imported"
+    insert_rows(store, rows, fresh)
     return content.case, {table: len(found) for table, found in rows.items()}
 
 
@@ -213,19 +208,3 @@ def _refuse_strangers(file: Path, case: str, rows: dict[str, list[dict[str, Any]
     owners = {row["case_id"] for found in rows.values() for row in found if "case_id" in row}
     if [row["id"] for row in rows["cases"]] != [case] or owners - {case}:
         raise BadArchive(f"{file} does not hold exactly the case {case!r}; nothing was imported")
-
-
-def _refuse_taken(store: EvidenceStore, database: Database, case: str, rows: dict[str, list[dict[str, Any]]]) -> None:
-    fresh = "import into a store of its own: --store NEW.db, which is created; nothing was imported"
-    if database.conn.execute("SELECT 1 FROM cases WHERE id = ?", [case]).fetchone():
-        raise StoreError(f"{store.path} has a case {case!r} already: {fresh}")
-    taken = [
-        f"ev-{row['seq']}"
-        for row in rows["evidence"]
-        if database.conn.execute("SELECT 1 FROM evidence WHERE seq = ?", [row["seq"]]).fetchone()
-    ]
-    if taken:
-        raise StoreError(
-            f"{store.path} has other evidence of the ids {', '.join(taken[:5])}{' ...' if len(taken) > 5 else ''}, and "
-            f"answers refer to evidence by its id: {fresh}"
-        )
