@@ -5,6 +5,8 @@ Frame i of the film is the i-th frame that OpenCV decodes from the file, which i
 
 from __future__ import annotations
 
+import hashlib
+import re
 import tempfile
 from pathlib import Path
 
@@ -29,6 +31,7 @@ WEBM_CODECS = {"VP80", "VP90", "vp09", "AV01", "av01"}
 PLAIN_PIXELS = "I420"  # 4:2:0, 8 bits: what decoders of every browser take
 EBML = b"\x1a\x45\xdf\xa3"
 MATROSKA, WEBM = b"B\x82\x88matroska", b"B\x82\x88webm\0\0\0\0"  # the element that names the kind of file
+CLUSTER = b"\x1f\x43\xb6\x75"  # the element of Matroska that frames are in
 
 
 def with_film(document: ViewDocument, blocks: Blocks, case: Case, path: Path) -> ViewDocument:
@@ -162,7 +165,23 @@ def _encoded(file: Path, size: tuple[int, int], count: int) -> bytes:
         data = made.read_bytes()
     if MATROSKA not in data[:64]:
         raise VideoError("OpenCV wrote another kind of file than Matroska")
-    return data.replace(MATROSKA, WEBM, 1)
+    return _without_chance(data.replace(MATROSKA, WEBM, 1))
+
+
+def _without_chance(data: bytes) -> bytes:
+    """Replace the random numbers that the muxer gives a file and its track, so that equal frames give equal bytes.
+
+    They are the elements SegmentUID, TrackUID and TagTrackUID of RFC 9559; the CRC-32 elements of what contains them
+    become Void elements of the same size.
+    """
+    head, cluster, rest = data.partition(CLUSTER)
+    digest = hashlib.sha256(rest).digest()
+    for mark, size in ((b"\x73\xa4\x90", 16), (b"\x73\xc5\x88", 8), (b"\x63\xc5\x88", 8)):
+        at = head.find(mark) + len(mark)
+        if at >= len(mark):
+            head = head[:at] + digest[:size] + head[at + size :]
+    head = re.sub(rb"\xbf\x84.{4}", b"\xec\x84" + bytes(4), head, flags=re.DOTALL)
+    return head + cluster + rest
 
 
 def _resized(frame: Frames, size: tuple[int, int]) -> Frames:

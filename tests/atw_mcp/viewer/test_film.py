@@ -70,6 +70,8 @@ def test_transcoded_frames_are_the_originals_in_order(tmp_path: Path) -> None:
     assert [nearest(frame, originals) for frame in frames] == list(range(COUNT))
     errors = ((frames.astype(float) - originals) ** 2).mean(axis=(1, 2, 3))
     assert errors.max() < 255.0**2 / 1e3  # 30 dB: compression artefacts are hardly seen
+    first = out.read_bytes()
+    assert made(source, tmp_path)[2].read_bytes() == first
 
 
 def webm_with_late_frame(folder: Path) -> Path:
