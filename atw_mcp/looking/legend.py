@@ -66,9 +66,9 @@ def star(color: Color, *, filled: bool = True) -> Mark:
     return partial(draw_star, color=color, filled=filled)
 
 
-def cross(color: Color) -> Mark:
-    """A measured position."""
-    return partial(draw_cross, color=color)
+def cross(color: Color, size: int = 8) -> Mark:
+    """A measured position, or something that is gone."""
+    return partial(draw_cross, color=color, size=size)
 
 
 def draw_star(canvas: Canvas, at: tuple[float, float], color: Color, *, filled: bool = True) -> None:
@@ -84,11 +84,12 @@ def draw_star(canvas: Canvas, at: tuple[float, float], color: Color, *, filled: 
         cv2.polylines(canvas.image, [polygon], True, color, 1, cv2.LINE_AA, FINE_BITS)
 
 
-def draw_cross(canvas: Canvas, at: tuple[float, float], color: Color) -> None:
-    """A tilted cross on dark ground."""
+def draw_cross(canvas: Canvas, at: tuple[float, float], color: Color, size: int = 8) -> None:
+    """A tilted cross on dark ground; size [px]."""
     x, y = round(at[0]), round(at[1])
-    cv2.drawMarker(canvas.image, (x, y), DARK, cv2.MARKER_TILTED_CROSS, 9, 3, cv2.LINE_AA)
-    cv2.drawMarker(canvas.image, (x, y), color, cv2.MARKER_TILTED_CROSS, 8, 1, cv2.LINE_AA)
+    thick = max(1, size // 7)
+    cv2.drawMarker(canvas.image, (x, y), DARK, cv2.MARKER_TILTED_CROSS, size + 1, thick + 2, cv2.LINE_AA)
+    cv2.drawMarker(canvas.image, (x, y), color, cv2.MARKER_TILTED_CROSS, size, thick, cv2.LINE_AA)
 
 
 def draw_arrow(canvas: Canvas, tip: tuple[float, float], along: tuple[float, float], color: Color) -> None:

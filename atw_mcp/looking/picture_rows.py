@@ -55,6 +55,8 @@ def simulated_rows(
             row["not_in_the_picture"] = hidden
         if absent:
             row["not_yet_simulated"] = absent
+        if any("from_base_m" in i for i in items):
+            row["from_base_m"] = [i.get("from_base_m") for i in items]
         if fit is not None:
             row["position_rmse"] = fit["position_rmse_by_object"].get(name)
             row["rotation_rmse"] = fit["rotation_rmse_by_object"].get(name)

@@ -155,8 +155,9 @@ class PlanView:
                 others |= mask
         return shown, others
 
-    def outlines(self, canvas: Canvas, sample: int, color: Color, style: Style) -> None:
-        """Draw the outlines of `names` alone."""
+    def masks(self, sample: int) -> dict[str, Mask]:
+        """Pixels of each of `names` that is there."""
+        found: dict[str, Mask] = {}
         for name in self.names:
             column = self.trajectory.index(name)
             if column < len(self.world.objects):
@@ -165,7 +166,13 @@ class PlanView:
             else:
                 mask = self._deformable_mask(self.world.deformable(name), sample)
             if mask is not None and mask.any():
-                canvas.outline(mask, color, style)
+                found[name] = mask
+        return found
+
+    def outlines(self, canvas: Canvas, sample: int, color: Color, style: Style) -> None:
+        """Draw the outlines of `names` alone."""
+        for mask in self.masks(sample).values():
+            canvas.outline(mask, color, style)
 
     def paths(
         self,

@@ -60,7 +60,7 @@ class RolloutView:
         self.observation = self._modelled(app, case) if self.follows else None
         self.video: Path | None = None
         self.video_frames = 0
-        self.camera = world.camera or default_camera(world, _everywhere(world, result.trajectory))
+        self.camera = world.camera or default_camera(world, everywhere(world, result.trajectory))
         self.marks_of_world = WorldMarks(world, result.trajectory, self.camera)
         wanted = background == "video" or (background == "auto" and self.follows)
         if wanted and case.kind == "video" and world.camera is not None:
@@ -270,7 +270,7 @@ class RolloutView:
         return tracks if len(tracks.frames) and set(tracks.names) & set(self.result.trajectory.names) else None
 
 
-def _everywhere(world: World, trajectory: Trajectory) -> NDArray[np.float64]:
+def everywhere(world: World, trajectory: Trajectory) -> NDArray[np.float64]:
     """Places (k, 3) [m] that a picture of a rollout should show: centres of bodies, some of all points."""
     places = [trajectory.positions[:, : len(world.objects)].reshape(-1, 3)]
     for motion in trajectory.deformables.values():

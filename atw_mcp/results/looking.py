@@ -125,6 +125,9 @@ class SimulatedObject(Result):
     worst_error_m: float | None = Field(default=None, description="largest distance [m]")
     worst_at_frame: int | None = None
     mean_overlap: float | None = Field(default=None, description="of the outlines, 0 to 1")
+    from_base_m: list[float | None] | None = Field(
+        default=None, description="of a branch: distance of the centre from the base in each frame [m]"
+    )
 
 
 class Errors(Result):
@@ -146,6 +149,8 @@ class SimulatedFrames(Result):
     rollout: str
     world: str
     branch: bool = Field(description="true: meant to differ from the video, so there is no error")
+    base: str | None = Field(default=None, description="rollout that a branch is shown beside")
+    why: list[str] | None = Field(default=None, description="of a branch: why each frame is shown")
     legend: str
     camera: str
     seconds_per_frame: SecondsPerFrame

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -30,10 +31,19 @@ from atw_mcp.observation.periods import period_in_words
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import PerceptionCancelled, read_frames
 from atw_mcp.probing import readouts
+from atw_mcp.probing.branch_difference import BranchDifference, Instant, Side
+from atw_mcp.probing.branch_view import BranchView
 from atw_mcp.probing.rollout_view import RolloutView, case_tracks, draw_observed
 from atw_mcp.results.looking import ObservedMotion, OutlinedFrames, PlainFrames, SimulatedFrames
 from atw_mcp.worlds.rollout_cost import size_in_words
-from atw_mcp.worlds.rollouts import checked_horizon, compute_rollout, evidence_status, find_rollout, stored_rollout
+from atw_mcp.worlds.rollouts import (
+    checked_horizon,
+    compute_rollout,
+    evidence_status,
+    find_rollout,
+    sample_seconds_of,
+    stored_rollout,
+)
 from atw_mcp.worlds.sizes import check_sizes
 from evidence_store import Case
 from polyworld.data.tracks import ObservedTracks
@@ -288,17 +298,37 @@ def inspect_rollout(
         ),
     ] = "auto",
 ) -> Answer | LongWork:
-    """See whether a world follows the video: the simulated objects outlined in magenta, with names and paths, over the
-    real frames, the observed ones dashed in white, and beside each picture the plan seen straight down, to scale: it
-    shows what touches and what is only behind. The text has the distance between the two for each object. Works on
-    draft worlds (for judging a fit), on the committed world, and on branches."""
+    """See whether a world, draft or committed, follows the video: simulated objects outlined in magenta over the real
+    frames, observed ones dashed in white, beside each the plan, to scale: what touches and what is only behind; and
+    where and when it is off. A branch is shown beside its base when they differ most and events are gone or new. The
+    text has the distances of each object."""
     found = app.case(case)
     if rollout is not None and world is not None:
         raise ToolError("give rollout or world, not both: a rollout belongs to its world")
 
-    def answer(identifier: str, shown: World, result: Rollout) -> Answer:
-        wanted = _Wanted(frames, interval, objects, pictures, background)
-        return _rollout_pictures(app, found, wanted, identifier, shown, result, given=rollout)
+    asked = (frames, interval, objects, pictures, background)
+
+    def answer(identifier: str, shown: World, result: Rollout) -> Answer | LongWork:
+        wanted, seen = _Wanted(*asked), Side(identifier, shown, result)
+        base = None if background == "video" else _base_world(app, found, shown)
+        if base is None:
+            return _rollout_pictures(app, found, wanted, seen, given=rollout)
+        sample = sample_seconds_of(app, identifier)
+
+        def beside(progress: Callable[[float], None] | None = None) -> Answer:
+            with explained("background='video' shows the branch without its base"):
+                made = compute_rollout(app, base, result.horizon, progress, sample)
+            return _branch_pictures(app, found, wanted, BranchDifference(Side(made[0], base, made[1]), seen), rollout)
+
+        if shown.coupled and find_rollout(app, base, result.horizon, sample) is None:
+            message = f"running {base.id}, the base, for {result.horizon:g} s{size_in_words(base, result.horizon)}"
+
+            def work(progress: Progress) -> Answer:
+                return beside(lambda share: progress.report(share, 1, message))
+
+            draft = Answer(summary=message, data={}, case=found.id, world=shown.id, objects=shown.moving_names)
+            return LongWork(f"pictures of {identifier} beside its base {asked!r}", work, draft, PATIENCE)
+        return beside()
 
     if rollout is not None:
         of_case, shown_world, result = stored_rollout(app, rollout)
@@ -321,10 +351,10 @@ def inspect_rollout(
     def work(progress: Progress) -> Answer:
         with explained():
             made = compute_rollout(app, shown_world, horizon, lambda share: progress.report(share, 1, message))
-        return answer(made[0], shown_world, made[1])
+        outcome = answer(made[0], shown_world, made[1])
+        return outcome.work(progress) if isinstance(outcome, LongWork) else outcome
 
     draft = Answer(summary=message, data={}, case=found.id, world=shown_world.id, objects=shown_world.moving_names)
-    asked = (frames, interval, objects, pictures, background)
     return LongWork(f"pictures of {shown_world.id} {horizon!r} {asked!r}", work, draft, PATIENCE)
 
 
@@ -339,9 +369,67 @@ class _Wanted:
     background: str
 
 
-def _rollout_pictures(
-    app: App, found: Case, wanted: _Wanted, identifier: str, shown_world: World, result: Rollout, given: str | None
-) -> Answer:
+def _base_world(app: App, case: Case, world: World) -> World | None:
+    """The world that a branch was made from; None where it is no branch."""
+    parents = [d.parent for d in app.store.worlds.parents(world.id) if d.how == "intervention"]
+    return app.world(case, parents[-1]) if parents else None
+
+
+def _branch_pictures(app: App, found: Case, wanted: _Wanted, difference: BranchDifference, given: str | None) -> Answer:
+    branch, frame_time = difference.branch, difference.frame_time
+    further = _further(found, branch.world, given)
+    last_frame = int(np.floor(difference.end / frame_time + 1e-6))
+    span = chosen_span(
+        wanted.interval,
+        None,
+        covered=(0.0, last_frame * frame_time),
+        seconds_per_frame=frame_time,
+        further=further,
+    )
+    names = chosen_names(app, found, wanted.objects, list(difference.names))
+    first = int(np.ceil(span.start / frame_time - 1e-6))
+    last = int(np.floor(span.end / frame_time + 1e-6))
+    if wanted.frames is None:
+        instants = difference.instants(names, wanted.pictures, first, last)
+    else:
+        frames = _chosen_frames(wanted.frames, wanted.pictures, first, last, "the rollout", further)
+        instants = [Instant(frame, ()) for frame in frames]
+    view = BranchView(difference, names)
+    drawn, rows = view.draw(instants)
+    facts = {
+        "rollout": branch.id,
+        "world": branch.world.id,
+        "branch": True,
+        "base": difference.base.id,
+        "legend": view.legend(),
+        "camera": "the calibrated one" if branch.world.camera is not None else "a view from above and the side",
+        "seconds_per_frame": frame_time,
+    }
+    moments = "; ".join(f"{row['time']:.4g} s" + f" ({', '.join(row['why'])})" * bool(row["why"]) for row in rows)
+    summary = f"{branch.id}: a branch beside its base {difference.base.id} at {moments}"
+    if difference.comparison is None:
+        summary += ". Events of one of them were not recorded, so none is marked as gone or new"
+    return Answer(
+        summary=summary,
+        data={**facts, "frames": rows, "error": None},
+        shown={
+            **facts,
+            "why": ["; ".join(row["why"]) for row in rows],
+            **simulated_rows(rows, None, {}),
+            "every_frame": EVERY_FRAME,
+        },
+        case=found.id,
+        world=branch.world.id,
+        rollout=branch.id,
+        objects=tuple(names),
+        interval=span.seconds,
+        status=evidence_status(branch.result),
+        pictures=encoded(drawn),
+    )
+
+
+def _rollout_pictures(app: App, found: Case, wanted: _Wanted, seen: Side, given: str | None) -> Answer:
+    identifier, shown_world, result = seen.id, seen.world, seen.result
     view = RolloutView(app, found, shown_world, result, wanted.background)
     further = _further(found, shown_world, given)
     span = chosen_span(
