@@ -7,19 +7,21 @@ ran a piece, beside how many others and after which, does not change its result:
 """
 
 from polyworld.executors.choice import add_executor_argument, executor_from
+from polyworld.executors.dask import DaskExecutor
 from polyworld.executors.executor import (
     TRIES,
     Executor,
     FailedPiecesError,
     Failure,
-    SerialExecutor,
     piece_seed,
     results,
 )
 from polyworld.executors.local import LocalExecutor
+from polyworld.executors.serial import SerialExecutor
 
 __all__ = [
     "TRIES",
+    "DaskExecutor",
     "Executor",
     "FailedPiecesError",
     "Failure",

@@ -5,20 +5,26 @@ from __future__ import annotations
 import argparse
 
 from polyworld.core.cores import available_cores
-from polyworld.executors.executor import Executor, SerialExecutor
+from polyworld.executors.dask import DaskExecutor
+from polyworld.executors.executor import Executor
 from polyworld.executors.local import LocalExecutor
+from polyworld.executors.serial import SerialExecutor
 
-FORMS = "local, local:WORKERS or serial"
+FORMS = "local, local:WORKERS, dask (a cluster it starts), dask:tcp://HOST:PORT, or serial"
 
 
 def executor_from(text: str, workers: int | None = None) -> Executor:
     """Return the executor that a text names; `workers` counts where the text does not (default: a worker a core).
 
-    local, local:4: processes of this machine; serial: this process.
+    local, local:4: processes of this machine; dask: a local cluster of processes; dask:tcp://host:8786: a scheduler's
+    workers; serial: this process. Raises ValueError for other texts, RuntimeError where the `distributed` extra is
+    missing, ConnectionError where no scheduler or worker answers.
     """
     kind, _, rest = text.partition(":")
     if kind == "local":
         return LocalExecutor(_count(text, rest) if rest else workers or available_cores())
+    if kind == "dask":
+        return DaskExecutor(rest or None, workers)
     if text == "serial":
         return SerialExecutor()
     raise ValueError(f"{text!r} names no executor: give {FORMS}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import time
-import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import closing
@@ -13,8 +12,6 @@ from types import TracebackType
 from typing import Self, TypeVar
 
 import numpy as np
-
-from polyworld.core import interruption
 
 Piece = TypeVar("Piece")
 Result = TypeVar("Result")
@@ -104,36 +101,6 @@ class Executor(ABC):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-class SerialExecutor(Executor):
-    """Run the pieces one after the other in the calling process, with its threads: for debugging and tiny pieces."""
-
-    workers = 1
-
-    def _outcomes(
-        self, function: Callable[[Piece], Result], pieces: Mapping[str, Piece]
-    ) -> Generator[tuple[str, Result | Failure]]:
-        for key, piece in pieces.items():
-            interruption.check()
-            yield key, attempt(key, function, piece)
-
-    def close(self) -> None:
-        """End nothing: there are no workers."""
-
-
-def attempt(key: str, function: Callable[[Piece], Result], piece: Piece) -> Result | Failure:
-    """Return the function's result, or what it raised."""
-    try:
-        return function(piece)
-    except Exception as error:
-        interruption.check()
-        return Failure(key, describe(error), traceback.format_exc())
-
-
-def describe(error: BaseException) -> str:
-    """Return an exception in one line."""
-    return "".join(traceback.format_exception_only(error)).strip().splitlines()[-1]
 
 
 def results(outcomes: Iterator[tuple[str, Result | Failure]]) -> dict[str, Result]:

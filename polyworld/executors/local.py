@@ -17,7 +17,8 @@ from typing import Any
 
 from polyworld.core import interruption
 from polyworld.core.cores import available_cores
-from polyworld.executors.executor import TRIES, Executor, Failure, Piece, Result, describe
+from polyworld.executors.executor import TRIES, Executor, Failure, Piece, Result
+from polyworld.executors.task import pickled_function, pickled_task
 from polyworld.executors.worker import serve, worker_environment
 
 POLL = 0.1  # seconds between two looks at whether the caller was interrupted
@@ -110,17 +111,16 @@ class LocalExecutor(Executor):
     def _run(
         self, function: Callable[[Piece], Result], pieces: Mapping[str, Piece]
     ) -> Generator[tuple[str, Result | Failure]]:
-        work = _pickled(function)
+        work = pickled_function(function)
         queue = deque(pieces)
         lost = dict.fromkeys(pieces, 0)
         while queue or any(w.key is not None for w in self._workers):
             interruption.check()
             while queue and (worker := self._idle()) is not None:
                 key = queue.popleft()
-                try:
-                    task = pickle.dumps((key, work, pickle.dumps(pieces[key])))
-                except Exception as error:
-                    yield key, Failure(key, f"the piece cannot be pickled: {describe(error)}")
+                task = pickled_task(key, work, pieces[key])
+                if isinstance(task, Failure):
+                    yield key, task
                 else:
                     worker.give(key, task)
             done: list[tuple[str, Result | Failure]] = []
@@ -168,12 +168,3 @@ class LocalExecutor(Executor):
                 worker.end()
             else:
                 worker.kill()
-
-
-def _pickled(function: Callable[[Any], Any]) -> bytes:
-    try:
-        return pickle.dumps(function)
-    except Exception as error:
-        raise TypeError(
-            f"{function!r} cannot be pickled ({describe(error)}): give a function from the top of a module"
-        ) from error

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import pickle
 import signal
 from multiprocessing.connection import Connection
 
 from polyworld.core.cores import LIMIT
-from polyworld.executors.executor import Failure, attempt, describe
+from polyworld.executors.task import answered
 
 
 def worker_environment(threads: int) -> dict[str, str]:
@@ -30,18 +29,3 @@ def serve(pipe: Connection) -> None:
             pipe.send_bytes(answered(task))
         except OSError:
             return  # nobody waits any more
-
-
-def answered(task: bytes) -> bytes:
-    """Return the pickled result of a pickled (key, pickled function, pickled piece), or its failure."""
-    key, work, piece = pickle.loads(task)
-    outcome = attempt(key, _unpickled, (work, piece))
-    try:
-        return pickle.dumps(outcome)
-    except Exception as error:
-        return pickle.dumps(Failure(key, f"the result cannot be pickled: {describe(error)}"))
-
-
-def _unpickled(task: tuple[bytes, bytes]) -> object:
-    work, piece = task
-    return pickle.loads(work)(pickle.loads(piece))
