@@ -10,7 +10,9 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
+from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 import warp as wp
@@ -18,6 +20,7 @@ from numpy.typing import NDArray
 
 from polyworld.core import warp_settings  # noqa: F401 before anything is launched
 from polyworld.core.capture_lock import CaptureLock
+from polyworld.core.compile_lock import one_process_at_a_time
 
 Shape = int | tuple[int, ...]
 LOCK = CaptureLock()
@@ -209,16 +212,33 @@ def replay(graph: Any) -> None:
         wp.capture_launch(graph)
 
 
+_loaded: WeakSet[Any] = WeakSet()  # modules that need no lock any more
+
+
 def load_kernel(kernel: Any) -> None:
     """Compile and load a kernel's module, before threads ask for it at the same time."""
-    with LOCK.shared():
+    with LOCK.shared(), _compiling([kernel.module]):
         chosen = device()
         kernel.module.load(chosen, block_dim=1 if chosen.is_cpu else THREADS_PER_BLOCK)
 
 
 def load(modules: Iterable[Any], workers: int) -> None:
     """Compile and load modules of kernels, `workers` at a time."""
-    wp.force_load(device=device(), modules=list(modules), max_workers=workers)
+    listed = list(modules)
+    with _compiling(listed):
+        wp.force_load(device=device(), modules=listed, max_workers=workers)
+
+
+@contextmanager
+def _compiling(modules: Iterable[Any]) -> Iterator[None]:
+    """Let one process at a time load modules that are new to this one: the next finds them compiled."""
+    new = [m for m in modules if m not in _loaded]
+    if not new:
+        yield
+        return
+    with one_process_at_a_time(Path(wp.config.kernel_cache_dir or ""), [m.name for m in new]):
+        yield
+    _loaded.update(new)
 
 
 if VARIABLE in os.environ:
