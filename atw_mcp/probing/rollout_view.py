@@ -25,6 +25,7 @@ from atw_mcp.observation.track_records import TrackRecord, at_rate
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import read_frames
 from atw_mcp.probing.marked_events import marked_events
+from atw_mcp.probing.misfits import Misfit, misfits
 from atw_mcp.worlds.marks import LEGEND, WorldMarks
 from evidence_store import Case
 from polyworld.data.tracks import ObservedTracks
@@ -52,7 +53,7 @@ class RolloutView:
         self.events = marked_events(world, result)
         self.marks = [self._sample(t / self.frame_time) for t in np.arange(0.0, times[-1] + 1e-9, self.mark_every)]
         frame_count = world.time.frame_count
-        self.shows = ""  # the plane of the plan, once drawn
+        self.axes: PlanFrame | None = None  # of the plan, once drawn
         self.dashed_from = self._sample(frame_count - 1) if 2 <= frame_count <= self.last_frame else None
         # A branch is meant to differ from the video: measuring it against the video would mislead.
         self.follows = not any(d.how == "intervention" for d in app.store.worlds.parents(world.id))
@@ -80,7 +81,6 @@ class RolloutView:
             filmed = dict(zip(wanted, read_frames(self.video, wanted), strict=True)) if self.video and wanted else {}
         samples = [self._sample(frame) for frame in frames]
         short = short_names(names)
-        axes: PlanFrame | None = None
         for frame, sample in zip(frames, samples, strict=True):
             visible = trajectory.active[sample].tolist()
             place, turn = trajectory.positions[sample], trajectory.orientations[sample]
@@ -109,17 +109,29 @@ class RolloutView:
             canvas.names(masks, SIMULATED_NAME, objects)
             time = frame * self.frame_time
             canvas.write(f"frame {frame}   {time:.3f} s   " + ("over the video" if real else "simulated"), (8, 16))
-            axes = axes or plan_frame([(self.world, trajectory)], self.camera, names, samples, len(canvas.image))
-            plan = PlanView(self.world, trajectory, axes, names)
+            self.axes = self.axes or plan_frame(
+                [(self.world, trajectory)], self.camera, names, samples, len(canvas.image)
+            )
+            plan = PlanView(self.world, trajectory, self.axes, names)
             measured = self._observed_places(names, frame)
             strip = plan.draw(sample, self.marks, self.dashed_from, measured, self.events, since)
-            self.shows = axes.shows
             gap = np.full((len(strip), 3, 3), 255, np.uint8)
             whole = np.concatenate([canvas.image, gap, strip], axis=1)
             # Stored pictures come back in the order of their names.
             drawn[f"frame {frame:06d}"] = np.concatenate([whole, legend(self._entries(names), whole.shape[1])])
             rows.append({"frame": frame, "time": time, "over_video": real, "objects": about})
+        off = [m for m in self._misfits() if m.name in names and np.isfinite(m.distance).any()]
+        if off and self.axes is not None:
+            from atw_mcp.probing.misfit_picture import misfit_picture  # matplotlib is slow to import
+
+            drawn["off the measured positions"] = misfit_picture(off, self.axes)
         return drawn, rows
+
+    def _misfits(self) -> list[Misfit]:
+        """How far every observed object is off, in every frame that was observed."""
+        if self.record is None:
+            return []
+        return misfits(self.world, self.result.trajectory, at_rate(self.record.tracks, self.frame_time))
 
     def _modelled(self, app: App, case: Case) -> ImageObservation | None:
         """The observation of the video that the world models, else the latest."""
@@ -186,10 +198,15 @@ class RolloutView:
     def legend(self, names: list[str]) -> str:
         """Explain the colours and lines of the pictures that `draw` made."""
         legend = "magenta: simulated outline (over the video) and path up to the frame; "
-        legend += f"right: {self.shows}, to scale in metres of the world, with paths to come dotted"
+        plane = "the plan" if self.axes is None else self.axes.shows
+        legend += f"right: {plane}, to scale in metres of the world, with paths to come dotted"
         if self.observation is not None or self.record is not None:
             legend += "; white dashes: observed outline; white crosses in the plan: observed positions, "
             legend += "with a line to where the object is simulated"
+        if self.record is not None:
+            legend += (
+                "; last picture: where and when objects are off, in m and in standard deviations of the measurement"
+            )
         if self.events:
             legend += "; yellow stars in the plan: collisions, hollow: to come"
         short = short_names(names)

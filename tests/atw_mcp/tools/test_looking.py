@@ -16,6 +16,7 @@ from atw_mcp.calls.app import App
 from atw_mcp.calls.jobs import LongWork, Progress
 from atw_mcp.calls.results import Answer
 from atw_mcp.demo.truth import FOLDER
+from atw_mcp.looking.overlay import ROOM
 from atw_mcp.tools import construction, looking, measurement, observation, opening
 from polyworld.edits.interventions import Remove, branch
 from polyworld.world import TimeBase
@@ -172,9 +173,9 @@ def test_world_without_a_video_is_drawn_as_far_as_asked(tmp_path: Path) -> None:
 
 
 def test_pictures_of_one_result_fit_into_a_message(app: App) -> None:
-    answer = looking.inspect_rollout(app, CASE, pictures=12)
-    assert len(answer.pictures) == 12
-    assert sum(map(len, answer.pictures.values())) < 700_000
+    answer = looking.inspect_rollout(app, CASE, world=app.store.cases.worlds(CASE)[0][0], pictures=12)
+    assert len(answer.pictures) == 13  # the last: where and when the world is off
+    assert sum(map(len, answer.pictures.values())) <= ROOM
 
 
 @pytest.mark.parametrize(

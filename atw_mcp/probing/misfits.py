@@ -1,0 +1,89 @@
+"""How far a rollout is from the measured positions, frame by frame, as fits compare them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.data.tracks import ObservedTracks
+from polyworld.estimation.world_fit.observed import observed_entries
+from polyworld.probing.compare import positions_at
+from polyworld.trajectory import BatchTrajectory, Trajectory
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+LATE = 1e-9  # [s] by which rounding may put a frame after the last sample
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """One object: times (T,) [s] of the observed frames, its measured positions (T, 3) [m], distances of simulated from
+    measured (T,) in metres and in standard deviations of the measurement, NaN where not measured; rms [m]."""
+
+    name: str
+    times: Array
+    measured: Array
+    distance: Array
+    sigmas: Array
+    rms: float
+
+    @property
+    def largest(self) -> float:
+        """The largest distance in standard deviations, else in metres where none is stated; 0 without any."""
+        known = self.sigmas if np.isfinite(self.sigmas).any() else self.distance
+        return float(np.nanmax(known)) if np.isfinite(known).any() else 0.0
+
+
+def misfits(world: World, run: Trajectory, tracks: ObservedTracks) -> list[Misfit]:
+    """Return the distance of each object to its track; tracks: in the time base of the world.
+
+    In planar worlds distances are those in the plane of motion. Empty where the rollout covers no observed frame.
+    """
+    if not len(run.times) or not set(tracks.names) & set(run.names):
+        return []
+    end = float(run.times[-1]) + LATE
+    tracks = tracks.window(0, int(end / tracks.seconds_per_frame + LATE))
+    if not len(tracks.frames):
+        return []
+    position = next(e for e in observed_entries(world, tracks) if e.kind == "position")
+    batch = _at_frames(run, tracks)
+    size = np.linalg.norm(position.differences(batch)[0], axis=-1)
+    sigmas = np.linalg.norm(position.standardised(batch)[0], axis=-1)
+    found = []
+    for owner in np.unique(position.owner):
+        own = position.owner == owner
+        name = position.names[owner]
+        measured = np.full((len(tracks.frames), 3), np.nan)
+        distance, deviation = (np.full(len(tracks.frames), np.nan) for _ in range(2))
+        rows = position.sample[own]
+        measured[rows] = tracks.positions[rows, tracks.index(name)]
+        distance[rows] = size[own]
+        known = np.isfinite(position.sigma[own]) & (position.sigma[own] > 0.0)
+        deviation[rows[known]] = sigmas[own][known]
+        rms = float(np.sqrt(np.mean(size[own] ** 2)))
+        found.append(Misfit(name, tracks.times, measured, distance, deviation, rms))
+    return found
+
+
+def _at_frames(run: Trajectory, tracks: ObservedTracks) -> BatchTrajectory:
+    """Return positions at the times of the tracks; between samples on the cubic through positions and velocities."""
+    times = np.minimum(tracks.times, run.times[-1])
+    positions = np.stack([positions_at(run, k, times) for k in range(len(run.names))], axis=1)
+    count, n = positions.shape[:2]
+    nearest: NDArray[np.int64] = np.abs(run.times[:, None] - times).argmin(axis=0)
+    return BatchTrajectory(
+        names=run.names,
+        times=times[None],
+        positions=positions[None],
+        orientations=run.orientations[None, nearest],
+        velocities=np.zeros((1, count, n, 3)),
+        angular_velocities=np.zeros((1, count, n, 3)),
+        active=run.active[nearest],
+        diverged=np.zeros(1, dtype=bool),
+        diverged_time=np.full(1, np.nan),
+        diverged_object=np.full(1, -1, dtype=np.int64),
+        events=((),),
+    )
