@@ -6,13 +6,14 @@ ran a piece, beside how many others and after which, does not change its result:
 `piece_seed(seed, key)`.
 """
 
-from polyworld.executors.choice import add_executor_argument, executor_from
+from polyworld.executors.choice import add_executor_argument, executor_from, print_progress
 from polyworld.executors.dask import DaskExecutor
 from polyworld.executors.executor import (
     TRIES,
     Executor,
     FailedPiecesError,
     Failure,
+    Progress,
     piece_seed,
     results,
 )
@@ -26,9 +27,11 @@ __all__ = [
     "FailedPiecesError",
     "Failure",
     "LocalExecutor",
+    "Progress",
     "SerialExecutor",
     "add_executor_argument",
     "executor_from",
     "piece_seed",
+    "print_progress",
     "results",
 ]

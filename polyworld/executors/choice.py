@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import sys
 
 from polyworld.core.cores import available_cores
 from polyworld.executors.dask import DaskExecutor
-from polyworld.executors.executor import Executor
+from polyworld.executors.executor import Executor, Progress
 from polyworld.executors.local import LocalExecutor
 from polyworld.executors.serial import SerialExecutor
 
@@ -39,3 +40,14 @@ def _count(text: str, number: str) -> int:
 def add_executor_argument(parser: argparse.ArgumentParser) -> None:
     """Add `--executor`, a text for `executor_from`."""
     parser.add_argument("--executor", default="local", metavar="WHERE", help=f"{FORMS} (default: %(default)s)")
+
+
+def print_progress(what: str) -> Progress:
+    """Return what prints, on the standard error, how many pieces are done and the time left."""
+
+    def show(done: int, total: int, left: float | None) -> None:
+        if left is not None:
+            time = f"{left:.0f} s" if left < 120.0 else f"{left / 60.0:.0f} min"
+            print(f"{done} of {total} {what}, {time} left", file=sys.stderr, flush=True)
+
+    return show

@@ -50,7 +50,8 @@ class Executor(ABC):
     The function and the pieces are pickled: the function stands at the top of a module (or is a `functools.partial` of
     one that does) and depends on its argument alone. A piece that raises becomes a `Failure`, and the rest go on. An
     executor runs one bag at a time. Leaving the iterator early, or an interruption of the calling thread
-    (`polyworld.core.interruption`), drops the pieces that have not started and ends those that run.
+    (`polyworld.core.interruption`), drops the pieces that have not started and ends those that run. A piece is looked
+    up in its mapping when a worker is free for it, so that a lazy mapping holds few in memory.
     """
 
     workers: int

@@ -1,10 +1,12 @@
 """Hidden effects on a bouncing ball, and what the library makes of them: `python -m tests.benchmarks.hidden_effects`.
 
-Options: [--quick] [--json] [--cases N] [--section NAME ...] [--effect NAME ...] [--jobs N] [--seed S] [--keep DIR].
+Options: [--quick] [--json] [--cases N] [--section NAME ...] [--effect NAME ...] [--executor WHERE] [--jobs N]
+[--seed S] [--keep DIR].
 
-Three kinds of processes that share files only: a generator that imports nothing of the project (SciPy and MuJoCo), the
-runners that call `find_gap`, and a scorer that alone reads the truths. Seeds come from the operating system unless
-given, and are printed. Every failure is printed, then the table with bars and 95% Wilson intervals.
+Three processes that share files only: a generator that imports nothing of the project (SciPy and MuJoCo), a runner
+that has workers call `find_gap` (here, or on a Dask cluster), and a scorer that alone reads the truths. Seeds come from
+the operating system unless given, and are printed. Every failure is printed, then the table with bars and 95% Wilson
+intervals.
 
 Noise is a share of the path scale: the standard deviation of a coordinate about its run's mean, over all launches of
 the base world (about 1 m); turns have the same share of a radian. An effect's strength is drawn so that, once every
@@ -26,6 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
+from polyworld.executors import add_executor_argument
 from tests.benchmarks.hidden_cases import FULL, SECTIONS, Case
 from tests.benchmarks.hidden_files import read_json, write_json
 from tests.benchmarks.hidden_report import table, written
@@ -53,7 +56,9 @@ def chosen_cases(
     return [listed[i] for i in rng.permutation(len(listed))]
 
 
-def run(cases: list[Case], *, seed: int, jobs: int, until: float | None, folder: Path) -> list[dict[str, object]]:
+def run(
+    cases: list[Case], *, seed: int, executor: str, jobs: int, until: float | None, folder: Path
+) -> list[dict[str, object]]:
     """Generate, judge and score in separate processes; the outcomes."""
     begin = time.monotonic()
     public, private = folder / "public", folder / "private"
@@ -65,35 +70,32 @@ def run(cases: list[Case], *, seed: int, jobs: int, until: float | None, folder:
     places = ["--public", str(public), "--private", str(private)]
     generate = [*_module("hidden_generate"), "--cases", str(folder / "cases.json"), "--seed", str(seed), *places]
     generator = subprocess.Popen(generate, cwd=ROOT, env=_one_thread())
-    _judge(public, jobs, until, generator)
+    judge = [*_module("hidden_run"), "--public", str(public), "--executor", executor, "--jobs", str(jobs)]
+    _judge(public, judge, until, generator)
     experiments = [n for n in names if (public / n / "verdict.json").exists() and n.startswith("poor_designs")]
     if experiments:
         made = subprocess.run([*generate, "--experiment"], cwd=ROOT, env=_one_thread(), check=False)
         if made.returncode:  # what was judged is scored all the same
             print(f"the experiments asked for could not be made (code {made.returncode})", file=sys.stderr)
-        _judge(public, jobs, None if until is None else until - (time.monotonic() - begin), None)
+        _judge(public, judge, None if until is None else until - (time.monotonic() - begin), None)
     scores = folder / "scores.json"
     subprocess.run([*_module("hidden_score"), *places, "--out", str(scores)], cwd=ROOT, check=True)
     outcomes: list[dict[str, object]] = read_json(scores)
     return outcomes
 
 
-def _judge(public: Path, jobs: int, until: float | None, generator: subprocess.Popen[bytes] | None) -> None:
-    """Let the runners work through the cases, and notify them when the generator has ended."""
-    command = [*_module("hidden_run"), "--public", str(public)]
+def _judge(public: Path, judge: list[str], until: float | None, generator: subprocess.Popen[bytes] | None) -> None:
+    """Let the runner work through the cases, and notify it when the generator has ended."""
     limit = [] if until is None else ["--until", str(until)]
-    runners = [
-        subprocess.Popen([*command, "--share", f"{k}/{jobs}", *limit], cwd=ROOT, env=_one_thread()) for k in range(jobs)
-    ]
+    runner = subprocess.Popen([*judge, *limit], cwd=ROOT, env=_one_thread())
     if generator is not None:
-        while generator.poll() is None and any(r.poll() is None for r in runners):
+        while generator.poll() is None and runner.poll() is None:
             time.sleep(0.2)
         generator.terminate()
         generator.wait()
     (public / "complete").touch()
-    codes = [r.wait() for r in runners]
-    if any(codes):
-        raise RuntimeError(f"a runner ended with codes {codes}")
+    if code := runner.wait():
+        raise RuntimeError(f"the runner ended with code {code}")
 
 
 def _module(name: str) -> list[str]:
@@ -113,7 +115,8 @@ def main() -> None:
     parser.add_argument("--cases", type=int, help="cases of each section, drawn at random")
     parser.add_argument("--section", action="append", choices=sorted(SECTIONS), help="default: all")
     parser.add_argument("--effect", action="append", help="only cases that hide one of these")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    add_executor_argument(parser)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="cases at a time")
     parser.add_argument("--seed", type=int, help="default: from the operating system")
     parser.add_argument("--keep", type=Path, help="keep all files in this new folder")
     chosen = parser.parse_args()
@@ -124,7 +127,7 @@ def main() -> None:
     until = QUICK_SECONDS if chosen.quick else None
     with tempfile.TemporaryDirectory() as made:
         folder = chosen.keep or Path(made) / "run"
-        outcomes = run(cases, seed=seed, jobs=chosen.jobs, until=until, folder=folder)
+        outcomes = run(cases, seed=seed, executor=chosen.executor, jobs=chosen.jobs, until=until, folder=folder)
     seconds = time.monotonic() - begin
     if chosen.json:
         rows = [row.to_dict() for row in table(outcomes)]

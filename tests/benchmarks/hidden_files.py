@@ -47,13 +47,15 @@ def write_runs(
                     writer.writerow([run, name, f"{t:.9f}", *("" if np.isnan(v) else f"{v:.9g}" for v in numbers)])
 
 
-def read_runs(path: Path) -> list[tuple[str, tuple[str, ...], Array, Array, Array]]:
-    """Return runs in their order: name, names of objects, stamps (T,), positions (T, n, 3), orientations (T, n, 4)."""
+def runs_of(text: str) -> list[tuple[str, tuple[str, ...], Array, Array, Array]]:
+    """Return the runs of a file's text in their order.
+
+    Name, names of objects, stamps (T,), positions (T, n, 3), orientations (T, n, 4).
+    """
     rows: dict[str, dict[str, list[list[float]]]] = {}
-    with path.open(newline="") as file:
-        for row in csv.DictReader(file):
-            values = [float(row[c]) if row[c] else np.nan for c in COLUMNS[2:]]
-            rows.setdefault(row["run"], {}).setdefault(row["object"], []).append(values)
+    for row in csv.DictReader(text.splitlines()):
+        values = [float(row[c]) if row[c] else np.nan for c in COLUMNS[2:]]
+        rows.setdefault(row["run"], {}).setdefault(row["object"], []).append(values)
     found = []
     for run, objects in rows.items():
         table = np.array(list(objects.values()))
