@@ -13,7 +13,14 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from atw_mcp import client_configuration, exchange_commands, server_process, store_commands, viewer_commands
+from atw_mcp import (
+    batch_command,
+    client_configuration,
+    exchange_commands,
+    server_process,
+    store_commands,
+    viewer_commands,
+)
 from atw_mcp.allowed_paths import add_allow, allowed_here
 from atw_mcp.calls.spelling import did_you_mean
 from atw_mcp.calls.toolsets import Selection, add_selection
@@ -165,13 +172,14 @@ def _parser() -> argparse.ArgumentParser:
         )
 
     gap_command.add_parser(commands)
+    batch_command.add_parser(commands)
     viewer_commands.add_parser(commands)
     store_commands.add_parser(commands)
     exchange_commands.add_parser(commands)
     client_configuration.add_parser(commands)
 
-    schema = commands.add_parser("schema", help="print the JSON schema of a world description")
-    schema.add_argument("what", choices=["world"])
+    schema = commands.add_parser("schema", help="print the JSON schema of a world, or of a line of a batch's manifest")
+    schema.add_argument("what", choices=["world", "manifest"])
     schema.set_defaults(command=_schema)
 
     warmup = commands.add_parser("warmup", help="compile every kernel now, so that no later call has to")
@@ -273,7 +281,11 @@ def _demo(options: argparse.Namespace) -> int:
 
 
 def _schema(options: argparse.Namespace) -> int:
-    del options  # `world` is the only choice so far
+    if options.what == "manifest":
+        from atw_mcp.batch.manifest import manifest_schema
+
+        print(json.dumps(manifest_schema(), indent=2))
+        return OK
     from polyworld.world import World
 
     print(json.dumps(World.model_json_schema(), indent=2))

@@ -91,6 +91,7 @@ FLOORS = {
         ("probing",),
         ("gap",),
         ("tools",),
+        ("batch",),
         ("transports",),
         ("viewer",),
     ),

@@ -48,7 +48,7 @@ class Steps:
         self._tools = {tool.name: tool for tool in app.tools}
         self.done: list[Step] = []
 
-    def call(self, name: str, **arguments: Any) -> Step:
+    def call(self, name: str, /, **arguments: Any) -> Step:
         """Call a tool with arguments as an agent gives them and wait for its result.
 
         Long work runs as a job of its own, or joins the same work under way. Raises StepFailed with the tool's words,

@@ -1,0 +1,115 @@
+"""Cases are modelled and asked by the tools, each once, and what fails does not stop the rest."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from atw_mcp.batch.run import BatchRefused, run_batch
+from atw_mcp.batch.shards import result_of
+from evidence_store import Evidence, EvidenceStore
+from evidence_store.checking import check
+from polyworld.executors import SerialExecutor
+from tests.atw_mcp.batch.cases import MEETING, batch_of, discs, puck, rows
+
+RUN = SerialExecutor()
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the results of three cases, one of which has no file."""
+    folder = tmp_path_factory.mktemp("batch")
+    run_batch(batch_of(folder, discs(), {"id": "gone", "tracks": "none.csv"}, puck(folder)), RUN)
+    return folder
+
+
+@pytest.fixture
+def folder(done: Path, tmp_path: Path) -> Path:
+    """A copy of it, at the same age."""
+    return Path(shutil.copytree(done, tmp_path / "batch"))
+
+
+def test_answers_are_those_of_the_worlds(done: Path) -> None:
+    hit, when, slower, far = rows(done / "results" / "answers.jsonl")
+    assert [row["question"] for row in (hit, when, slower, far)] == ["hit", "when", "slower", "far"]
+    assert (hit["answer"], slower["answer"]) == (True, False)
+    assert when["answer"] == pytest.approx(MEETING, abs=1e-4)
+    assert when["unit"] == "s"
+    assert (far["case"], far["answer"], far["fit"]) == ("slide", True, "good")  # it slides 0.51 m
+    assert far["probability"] > 0.5
+    assert far["interval_90%"][0] < far["probability"] < far["interval_90%"][1]
+    (failure,) = rows(done / "results" / "failures.jsonl")
+    assert (failure["case"], failure["step"]) == ("gone", "OpenCase")
+    assert "none.csv" in failure["reason"]
+
+
+def test_evidence_is_that_of_an_agent_and_answers_refer_to_it(done: Path) -> None:
+    store = EvidenceStore.to_read(done / "results" / "store.db")
+    assert [case.id for case in store.cases.all()] == ["discs", "slide"]
+    tools = [record.tool for record in store.evidence.of_case("slide")]
+    assert tools[:5] == ["OpenCase", "ImportObservation", "BuildWorld", "FitWorld", "CommitWorld"]
+    assert tools[5:] == ["Rollout", "QueryWorld", "Finish"]
+    for row in rows(done / "results" / "answers.jsonl"):
+        records = [store.evidence.get(identifier) for identifier in row["evidence"]]
+        assert [record.tool for record in records] == ["Rollout", "QueryWorld", "Finish"]
+        assert {record.case for record in records} == {row["case"]}
+    assert store.cases.answers("discs")[0].evidence == tuple(
+        rows(done / "results" / "answers.jsonl")[0]["evidence"][:2]
+    )
+    store.close()
+    assert all(finding.good for finding in check(done / "results" / "store.db"))
+
+
+def test_a_case_that_is_done_is_not_run_again_and_one_that_is_not_is(folder: Path) -> None:
+    batch = batch_of(folder, discs(), {"id": "gone", "tracks": "none.csv"}, puck(folder))
+    before = {path: path.read_bytes() for path in (folder / "results").glob("*.jsonl")}
+    assert run_batch(batch, RUN).ran == 0
+    (batch.shards / "discs.db").unlink()
+    half_way = batch.shards / ".unfinished-x"  # what a killed worker leaves
+    half_way.mkdir()
+    EvidenceStore(half_way / "case.db").close()
+    assert result_of(batch.shards, "discs") is None
+    assert run_batch(batch, RUN).ran == 1
+    assert sorted(path.name for path in batch.shards.iterdir()) == ["discs.db", "gone.db", "slide.db"]
+    for path, content in before.items():
+        if path.name != "times.jsonl":
+            assert path.read_bytes() == content
+
+
+def test_what_changed_is_refused_or_run_again(folder: Path) -> None:
+    moved = batch_of(folder, discs(), puck(folder))
+    with pytest.raises(BatchRefused, match=r"has results of slide from before .* --redo changed"):
+        run_batch(moved, RUN)
+    changed: dict[str, Any] = discs()
+    changed["objects"][0]["velocity"] = [0, 1, 0]
+    batch = batch_of(folder, changed, {"id": "gone", "tracks": "none.csv"}, puck(folder))
+    with pytest.raises(BatchRefused, match="has results of discs from before"):
+        run_batch(batch, RUN)
+    assert run_batch(batch, RUN, ["changed"]).ran == 1
+    assert [row["answer"] for row in rows(folder / "results" / "answers.jsonl")][:2] == [False, "never"]
+    (folder / "none.csv").write_text((folder / "slide.csv").read_text())
+    with pytest.raises(BatchRefused, match="has results of gone from before"):
+        run_batch(batch, RUN)
+
+
+def test_a_store_that_was_worked_on_is_not_replaced(folder: Path) -> None:
+    batch = batch_of(folder, discs(), {"id": "gone", "tracks": "none.csv"}, puck(folder))
+    store = EvidenceStore(batch.store)
+    store.evidence.add(Evidence("ReadEvidence", {}, case="discs"))
+    store.close()
+    assert run_batch(batch, RUN).ran == 0  # nothing to replace
+    with pytest.raises(BatchRefused, match=r"has 1 records of later work.*move it away"):
+        run_batch(batch, RUN, ["failed"])
+
+
+def test_a_question_that_fails_leaves_the_others(tmp_path: Path) -> None:
+    entry: dict[str, Any] = discs()
+    entry["questions"][1]["predicate"] = {"predicate": "collides", "a": "striker", "b": "nobody"}
+    outcome = run_batch(batch_of(tmp_path, entry), RUN)
+    assert [row["question"] for row in outcome.answers] == ["hit", "slower"]
+    (failure,) = outcome.failures
+    assert (failure["question"], failure["step"]) == ("when", "QueryWorld")
+    assert "nobody" in failure["reason"]
