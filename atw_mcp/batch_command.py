@@ -71,28 +71,32 @@ def run(options: argparse.Namespace) -> int:
         return _refused("--out FOLDER is needed: where the results go")
     try:
         cases = read_manifest(options.manifest, look_for_files=options.check)
-        if options.check:
-            asked = sum(len(case.entry.questions) for case in cases)
-            print(f"{options.manifest}: {len(cases)} cases with {asked} questions, nothing wrong")
-            return OK
-        limits = Limits.read(options.limits).model_dump(exclude_unset=True)
-        folder = options.manifest.absolute().parent
-        allow = tuple(path.absolute() for path in allowed_folders([folder, *options.allow]))
-        batch = Batch(cases, options.out.absolute(), allow, limits)
-        options.out.mkdir(parents=True, exist_ok=True)
-        line = _Progress()
-        with executor_from(options.executor) as executor:
-            outcome = run_batch(batch, executor, options.redo, line.report)
-        line.clear()
     except ManifestError as error:
         return _refused(*(f"{options.manifest}: {finding}" for finding in error.findings))
     except (OSError, UnicodeDecodeError) as error:
         return _refused(f"{options.manifest}: {error}")
-    except (BatchRefused, LimitsError, StoreError, ValueError) as error:
+    if options.check:
+        asked = sum(len(case.entry.questions) for case in cases)
+        print(f"{options.manifest}: {len(cases)} cases with {asked} questions, nothing wrong")
+        return OK
+    line = _Progress()
+    try:
+        limits = Limits.read(options.limits).model_dump(exclude_unset=True)
+        folder = options.manifest.absolute().parent
+        allow = tuple(path.absolute() for path in allowed_folders([folder, *options.allow]))
+        options.out.mkdir(parents=True, exist_ok=True)
+        with executor_from(options.executor) as executor:
+            outcome = run_batch(
+                Batch(cases, options.out.absolute(), allow, limits), executor, options.redo, line.report
+            )
+    except (BatchRefused, LimitsError, StoreError, ValueError, RuntimeError, OSError) as error:
+        line.clear()
         return _refused(str(error))
     except KeyboardInterrupt:
-        print("\natw-mcp: interrupted; the cases that are done are kept, and the same command goes on", file=sys.stderr)
+        line.clear()
+        print("atw-mcp: interrupted; the cases that are done are kept, and the same command goes on", file=sys.stderr)
         return INTERRUPTED
+    line.clear()
     for row in _table(outcome):
         print(row)
     kept = len(outcome.results) - outcome.ran
