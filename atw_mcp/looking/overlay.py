@@ -139,7 +139,7 @@ class Canvas:
         for k, (a, b) in enumerate(pairwise(points)):
             if drawable[k] and drawable[k + 1]:
                 length = float(np.linalg.norm(b - a))
-                pieces += [fine(a + np.outer(part, b - a)) for part in _dashes(travelled, length, 2, 4)]
+                pieces += [fine(a + np.outer(part, b - a)) for part in _dashes(travelled, length, 3, 3)]
                 travelled += length
         cv2.polylines(ink, pieces, False, 255, 1, cv2.LINE_AA, FINE_BITS)
         inked = ink > 0
