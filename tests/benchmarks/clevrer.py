@@ -1,7 +1,8 @@
 """How well worlds follow CLEVRER videos: `python -m tests.benchmarks.clevrer [--data DIR] [--scenes N ...] [--json]`.
 
 Tracks and fits from video, and scenes worked on through the tools; fits of annotations: `peers.identification`. Every
-figure is measured in the run. Progress goes to stderr, the table (or JSON) to stdout.
+figure is measured in the run. Scenes run several at a time through `--executor`, whose workers must see the folder.
+Progress goes to stderr, the table (or JSON) to stdout.
 """
 
 from __future__ import annotations
@@ -11,52 +12,90 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from polyworld.executors import Failure, add_executor_argument, executor_from, print_progress
 from tests.benchmarks.clevrer_fit import Budget, Row, rows
 from tests.benchmarks.clevrer_tools import ToolRun, through_tools
 from tests.benchmarks.clevrer_video import TrackScore, observe_scene
-from tests.scenes.clevrer_data import available_scenes, default_folder, default_world, read_scene
+from tests.scenes.clevrer_data import Scene, available_scenes, default_folder, default_world, read_scene
 from tests.scenes.clevrer_events import EventScore
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the benchmark; returns the process's exit status."""
-    options = _options(arguments)
-    folder: Path = options.data
-    scenes = options.scenes or available_scenes(folder)
-    if not scenes:
-        print(f"no annotation_NNNNN.json in {folder}", file=sys.stderr)
-        return 2
+@dataclass(frozen=True)
+class Work:
+    """What is to be done with a scene of a folder, which every worker must see."""
+
+    scene: Scene
+    folder: Path
+    budget: Budget
+    tools: bool
+    video: bool
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The figures of a scene."""
+
+    run: ToolRun | None
+    score: TrackScore | None
+    fits: tuple[Row, ...]
+
+
+def measured(work: Work) -> Measured:
+    """Measure a scene."""
     started = time.perf_counter()
 
     def say(text: str) -> None:
         print(f"[{time.perf_counter() - started:6.1f} s] {text}", file=sys.stderr, flush=True)
 
+    scene = work.scene
+    run = through_tools(scene, work.folder, say) if work.tools else None
+    if scene.video is None or not work.video:
+        return Measured(run, None, ())
+    fits: list[Row] = []
+    video, score = observe_scene(scene, work.folder, say)
+    world = default_world(video.tracks, video.kinds)
+    for holdout in (None, int(0.75 * len(scene.tracks.frames))):
+        made, _ = rows(
+            scene.number, "video", world, video.tracks, video.truth, video.collisions, work.budget, holdout, say
+        )
+        fits += made
+    return Measured(run, score, tuple(fits))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the benchmark; returns the process's exit status."""
+    options = _options(arguments)
+    folder: Path = options.data.resolve()  # workers may stand elsewhere
+    numbers = options.scenes or available_scenes(folder)
+    if not numbers:
+        print(f"no annotation_NNNNN.json in {folder}", file=sys.stderr)
+        return 2
+    started = time.perf_counter()
     budget = Budget(generations=options.generations, population=options.population)
-    table: list[Row] = []
-    scores: list[TrackScore] = []
-    runs: list[ToolRun] = []
-    for number in scenes:
-        try:
-            scene = read_scene(folder, number)
-        except FileNotFoundError as error:
-            print(error, file=sys.stderr)
-            return 2
-        if not options.no_tools:
-            runs.append(through_tools(scene, folder, say))
-        if scene.video is None or options.no_video:
-            continue
-        video, score = observe_scene(scene, folder, say)
-        scores.append(score)
-        world = default_world(video.tracks, video.kinds)
-        for holdout in (None, int(0.75 * len(scene.tracks.frames))):
-            made, _ = rows(number, "video", world, video.tracks, video.truth, video.collisions, budget, holdout, say)
-            table += made
+    try:
+        scenes = [read_scene(folder, number) for number in numbers]
+    except FileNotFoundError as error:
+        print(error, file=sys.stderr)
+        return 2
+    pieces = {s.number: Work(s, folder, budget, not options.no_tools, not options.no_video) for s in scenes}
+    found: list[Measured] = []
+    failures: list[Failure] = []
+    with executor_from(options.executor) as executor:
+        for _, outcome in executor.map(measured, pieces, progress=print_progress("scenes")):
+            if isinstance(outcome, Failure):
+                print(f"scene {outcome.key} failed: {outcome.error}\n{outcome.traceback}", file=sys.stderr)
+                failures.append(outcome)
+            else:
+                found.append(outcome)
+    scores = [m.score for m in found if m.score is not None]
+    table = [row for m in found for row in m.fits]
+    runs = [m.run for m in found if m.run is not None]
     if options.json:
         data = {
             "tracks": [_finite(asdict(s)) for s in scores],
@@ -70,7 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print_fits(table, print)
         print_tools(runs, print)
         print(f"\n{time.perf_counter() - started:.0f} s in all")
-    return 0
+    return 1 if failures else 0
 
 
 def print_tracks(scores: list[TrackScore], out: Callable[[str], None]) -> None:
@@ -168,6 +207,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--population", type=int, default=320, help="rollouts a generation (default: %(default)s)")
     parser.add_argument("--no-tools", action="store_true", help="leave out the runs through the MCP tools")
     parser.add_argument("--no-video", action="store_true", help="leave out tracks and fits of videos")
+    add_executor_argument(parser)
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     return parser.parse_args(arguments)
 

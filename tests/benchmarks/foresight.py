@@ -6,7 +6,8 @@ that what perception costs and what prediction costs are separated. Scored: wher
 beside a straight line and beside staying; where it is after up to ten edits; yes/no questions near the boundary, with
 the probability that an ensemble of 40 gives. What the tools cannot express is counted and listed.
 Options: [--clips DIR] takes a folder drawn before, else clips are drawn: [--count K], [--seed S]; [--tracks-only] draws
-without rendering and skips the videos; [--quick] is ten clips, their edits left out; [--json] prints all figures.
+without rendering and skips the videos; [--quick] is ten clips, their edits left out; [--executor WHERE];
+[--json] prints all figures.
 """
 
 from __future__ import annotations
@@ -18,13 +19,19 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from polyworld.executors import (
+    FailedPiecesError,
+    Failure,
+    add_executor_argument,
+    executor_from,
+    print_progress,
+)
 from tests.benchmarks.foresight_draw import draw_all
 from tests.benchmarks.foresight_run import Answered, ClipRun, Ending, Source, run_clip
 from tests.benchmarks.foresight_scene import read_clips
@@ -118,6 +125,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, help="default: from the operating system")
     parser.add_argument("--quick", action="store_true", help=f"{QUICK} clips, without edits")
     parser.add_argument("--tracks-only", action="store_true", help="true tracks alone; nothing is rendered")
+    add_executor_argument(parser)
     parser.add_argument("--workers", type=int, default=2, help="clips at once")
     parser.add_argument("--json", action="store_true")
     chosen = parser.parse_args()
@@ -135,13 +143,19 @@ def main() -> None:
         if chosen.quick or chosen.count:
             clips = clips[:count]
         by_source: dict[str, list[ClipRun]] = {}
-        with ProcessPoolExecutor(chosen.workers) as pool:
+        failures = []
+        with executor_from(chosen.executor, chosen.workers) as executor:
             for source in sources:
-                there = [c for c in clips if source == "tracks" or c.video is not None or c.inexpressible]
+                there = {c.name: c for c in clips if source == "tracks" or c.video is not None or c.inexpressible}
                 work = partial(run_clip, source=source, edits=not chosen.quick)
-                for run in pool.map(work, there):
+                for _, run in executor.map(work, there, progress=print_progress(f"clips from {source}")):
+                    if isinstance(run, Failure):
+                        failures.append(run)
+                        continue
                     by_source.setdefault(source, []).append(run)
                     print(describe(run), file=sys.stderr, flush=True)
+        if failures:
+            raise FailedPiecesError(failures)
     rows = [run for runs in by_source.values() for run in runs]
     figures: dict[str, Any] = {source: summary(runs) for source, runs in by_source.items()}
     kinds = sorted({run.kind for run in rows})

@@ -21,12 +21,12 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from polyworld.executors import Executor, add_executor_argument, executor_from, print_progress, results
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import catalogue
 from tests.scenes.fluids import filling_case, sinking_case, swaying_case
@@ -107,10 +107,10 @@ def row(seed: int, index: int) -> dict[str, Any]:
     return found
 
 
-def rows(seed: int, chosen: Sequence[int], jobs: int) -> list[dict[str, Any]]:
+def rows(seed: int, chosen: Sequence[int], executor: Executor) -> list[dict[str, Any]]:
     """Return rows of some of `CASES`, several at a time, printed on the standard error as they come."""
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        return list(pool.map(row, [seed] * len(chosen), chosen))
+    pieces = {str(index): index for index in chosen}
+    return list(results(executor.map(partial(row, seed), pieces, progress=print_progress("rows"))).values())
 
 
 def _line(row: dict[str, Any]) -> str:
@@ -132,10 +132,13 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one row with an effect and one without of each kind")
     parser.add_argument("--only", default="", help="part of the name of a case")
     parser.add_argument("--seed", type=int, default=0)
+    add_executor_argument(parser)
     parser.add_argument("--jobs", type=int, default=2, help="rows at a time")
     asked = parser.parse_args()
     named = [i for i, (d, t) in enumerate(CASES) if asked.only in f"{d.__name__} {t or 'nothing'}"]
-    found = rows(asked.seed, [i for i in named if not asked.quick or CASES[i] in QUICK], asked.jobs)
+    kept = [i for i in named if not asked.quick or CASES[i] in QUICK]
+    with executor_from(asked.executor, asked.jobs) as executor:
+        found = rows(asked.seed, kept, executor)
     if asked.json:
         print(json.dumps(found, indent=1))
     print(f"{sum(r['right'] for r in found)} of {len(found)} right", file=sys.stderr)

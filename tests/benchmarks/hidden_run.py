@@ -126,6 +126,8 @@ def main() -> None:
     parser.add_argument("--until", type=float, help="no case is started after this many seconds")
     chosen = parser.parse_args()
     pieces = Pieces(chosen.public, chosen.until)
+    if not pieces:
+        return
     with executor_from(chosen.executor, chosen.jobs) as executor:
         for verdict, found in executor.run(judged, pieces, progress=print_progress("cases")):
             if isinstance(found, Failure):

@@ -3,8 +3,8 @@
 The generator was written from a list of effects alone by someone who had read neither the first one nor the engine. Its
 sections: one effect, nothing, pairs, walls and places at 1 and 3% noise, contaminated runs, near misses of a form,
 discs. Options: [--cases DIR] judges a folder that was drawn before, else cases are drawn: [--count K] of each
-section and style, [--seed S], [--section NAME ...], [--keep DIR]. [--seconds S]: limit of a case, [--jobs N].
-Every verdict is written as it comes, and printed; [--json] prints outcomes and table.
+section and style, [--seed S], [--section NAME ...], [--keep DIR]. [--seconds S]: limit of a case, [--executor WHERE],
+[--jobs N]. Every verdict is written as it comes, and printed; [--json] prints outcomes and table.
 """
 
 from __future__ import annotations
@@ -19,12 +19,20 @@ import tempfile
 import time
 import traceback
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from polyworld.executors import (
+    Executor,
+    FailedPiecesError,
+    Failure,
+    add_executor_argument,
+    executor_from,
+    print_progress,
+)
 from polyworld.gap import GapSettings, find_gap
 from tests.benchmarks.second_generator.sections import SECTIONS
 from tests.benchmarks.second_scene import read_case
@@ -133,19 +141,24 @@ def table(outcomes: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return rows
 
 
-def run(public: Path, private: Path, verdicts: Path, *, seconds: float, jobs: int) -> list[dict[str, Any]]:
-    """Judge every case of a folder, each verdict written as it comes; the outcomes."""
+def run(public: Path, private: Path, verdicts: Path, *, seconds: float, executor: Executor) -> list[dict[str, Any]]:
+    """Judge every case of a folder, which workers must see, each verdict written as it comes; the outcomes."""
     verdicts.mkdir(parents=True, exist_ok=True)
-    names = sorted(p.name for p in public.iterdir())
-    outcomes = []
-    with ProcessPoolExecutor(jobs) as pool:
-        for name, found in zip(names, pool.map(_kept, names, [(public, verdicts, seconds)] * len(names)), strict=True):
-            truth = json.loads((private / f"{name}.json").read_text())
-            outcomes.append(outcome(found, truth))
-            last = outcomes[-1]
-            mark = "right" if last["right"] else "covers" if last["covers"] else "WRONG" if last["wrong"] else "missed"
-            text = f"{name} {truth['section']} {' + '.join(truth['effects']) or 'nothing'}: {found['verdict']}"
-            print(f"{text} {' + '.join(last['names'])} {mark} {last['seconds']:.0f} s", file=sys.stderr, flush=True)
+    names = {p.name: p.name for p in sorted(public.iterdir())}
+    outcomes, failures = [], []
+    judged = partial(_kept, where=(public.resolve(), verdicts.resolve(), seconds))
+    for name, found in executor.map(judged, names, progress=print_progress("cases")):
+        if isinstance(found, Failure):
+            failures.append(found)
+            continue
+        truth = json.loads((private / f"{name}.json").read_text())
+        outcomes.append(outcome(found, truth))
+        last = outcomes[-1]
+        mark = "right" if last["right"] else "covers" if last["covers"] else "WRONG" if last["wrong"] else "missed"
+        text = f"{name} {truth['section']} {' + '.join(truth['effects']) or 'nothing'}: {found['verdict']}"
+        print(f"{text} {' + '.join(last['names'])} {mark} {last['seconds']:.0f} s", file=sys.stderr, flush=True)
+    if failures:
+        raise FailedPiecesError(failures)
     return outcomes
 
 
@@ -168,6 +181,7 @@ def main() -> None:
     parser.add_argument("--section", nargs="+", choices=SECTIONS, default=list(SECTIONS))
     parser.add_argument("--seed", type=int, help="default: from the operating system")
     parser.add_argument("--seconds", type=float, default=120.0, help="time limit of a case (default: %(default)s)")
+    add_executor_argument(parser)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--keep", type=Path, metavar="DIR", help="draw and judge in this new folder, and keep it")
     parser.add_argument("--json", action="store_true")
@@ -189,7 +203,8 @@ def main() -> None:
             draw += ["--style", "both", "--quiet", "--count", str(chosen.count), "--section", *chosen.section]
             subprocess.run(draw, check=True, cwd=Path(__file__).parents[2])
         verdicts = (chosen.keep or Path(made)) / "verdicts"
-        outcomes = run(folder / "public", folder / "private", verdicts, seconds=chosen.seconds, jobs=chosen.jobs)
+        with executor_from(chosen.executor, chosen.jobs) as executor:
+            outcomes = run(folder / "public", folder / "private", verdicts, seconds=chosen.seconds, executor=executor)
     rows = table(outcomes)
     if chosen.json:
         print(json.dumps({"seed": seed, "table": rows, "outcomes": outcomes}))

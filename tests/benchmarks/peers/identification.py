@@ -11,10 +11,8 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing import get_context
 
 import numpy as np
 
@@ -35,6 +33,7 @@ from polyworld.estimation.world_fit import (
     refit_with_wider_bounds,
 )
 from polyworld.estimation.world_fit.problem import MakeSimulator
+from polyworld.executors import LocalExecutor, results
 from polyworld.solver.rollout import simulator
 from polyworld.world import World
 from polyworld.world.parameters import read_parameter
@@ -117,9 +116,10 @@ def scene_tables(scenes: Sequence[str], quick: bool) -> list[Table]:
     budgets = (QUICK_METHODS, QUICK_ENGINES) if quick else (METHODS, ENGINES)
     # The slowest first. Each fit has one thread and a process of its own, so that its CPU time is its own.
     order = sorted(SEARCHES, key=lambda name: not name.endswith("MuJoCo"))
-    asked = [(name, scene, back, budgets) for name in order for scene in scenes for back in (False, True)]
-    with ProcessPoolExecutor(THREADS, mp_context=get_context("spawn")) as pool:
-        fits = list(pool.map(fitted, *zip(*asked, strict=True)))
+    asked = [(name, scene, back) for name in order for scene in scenes for back in (False, True)]
+    with LocalExecutor(THREADS) as executor:
+        found = executor.map(partial(fitted, budgets=budgets), {" ".join(map(str, a)): a for a in asked})
+        fits = list(results(found).values())
     about = (
         f"{len(scenes)} annotated CLEVRER scenes ({', '.join(scenes)}; unknowns were chosen on "
         f"{', '.join(DEVELOPMENT)} alone), medians over scenes; RMSE of positions on the plane over all objects, those "
@@ -153,8 +153,9 @@ def scene_tables(scenes: Sequence[str], quick: bool) -> list[Table]:
     ]
 
 
-def fitted(name: str, scene: str, held_back: bool, budgets: tuple[int, int]) -> Fit:
-    """Fit a scene by one method on one engine."""
+def fitted(asked: tuple[str, str, bool], budgets: tuple[int, int]) -> Fit:
+    """Fit a scene by one method on one engine, on all frames or with some held back."""
+    name, scene, held_back = asked
     data = read_scene(default_folder(), scene)
     world, tracks = default_world(data.tracks, data.kinds), data.tracks
     first_left = int(0.75 * len(tracks.frames)) if held_back else None
