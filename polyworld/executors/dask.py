@@ -148,7 +148,7 @@ def run_piece(task: bytes) -> bytes:
     """Answer a piece in a thread of a Dask worker; its kernels have that thread, unless the worker's environment says
     otherwise."""
     os.environ.setdefault(LIMIT, "1")
-    return answered(task)
+    return answered(task, import_module("cloudpickle").dumps)
 
 
 def _distributed() -> Any:

@@ -31,7 +31,7 @@ def pickled_task(key: str, function: bytes, piece: object, dumps: Dumps = pickle
         return Failure(key, f"the piece cannot be pickled: {describe(error)}")
 
 
-def answered(task: bytes) -> bytes:
+def answered(task: bytes, dumps: Dumps = pickle.dumps) -> bytes:
     """Return the pickled result of a task, or its pickled failure where the function raises."""
     key, function, piece = pickle.loads(task)
     try:
@@ -40,7 +40,7 @@ def answered(task: bytes) -> bytes:
         interruption.check()
         outcome = Failure(key, describe(error), traceback.format_exc())
     try:
-        return pickle.dumps(outcome)
+        return dumps(outcome)
     except Exception as error:
         return pickle.dumps(Failure(key, f"the result cannot be pickled: {describe(error)}"))
 

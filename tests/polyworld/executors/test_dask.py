@@ -46,6 +46,14 @@ def test_a_piece_that_raises_is_reported_and_the_rest_goes_on(in_process: DaskEx
     assert "the result cannot be pickled" in str(dict(in_process.run(unpicklable, {"a": 1})))
 
 
+def test_functions_and_classes_of_the_script_that_was_started_serve(in_process: DaskExecutor) -> None:
+    class Local:  # as what stands in __main__, no worker can import it
+        pass
+
+    (found,) = results(in_process.run(lambda _: Local(), {"a": 0})).values()
+    assert isinstance(found, Local)
+
+
 def test_an_interruption_drops_what_has_not_started(in_process: DaskExecutor) -> None:
     interruption = Interruption()
     outcomes = in_process.run(noise, {str(k): str(k) for k in range(50)}, progress=lambda *_: interruption.request())
