@@ -14,7 +14,7 @@ import numpy as np
 from mcp import Client
 
 from atw_mcp.server import build_server
-from tests.benchmarks.clevrer_programs import Happening, NotInScene, Thing, answer_choice
+from tests.benchmarks.clevrer_programs import Happening, Known, NotInScene, Thing, answer_choice
 from tests.scenes.clevrer_data import SECONDS_PER_FRAME, Collision, Scene
 from tests.scenes.clevrer_events import APART, EventScore, score_collisions
 
@@ -104,11 +104,11 @@ async def _work(scene: Scene, folder: Path, say: Say) -> ToolRun:
             looked = await call("InspectWorld", case=case)
             rolled = await call("Rollout", case=case, horizon_frames=int(scene.tracks.frames[-1]))
             read = await call("ReadEvents", rollout=rolled["data"]["rollout"], limit=500)
-    things = [_thing(item) for item in looked["data"]["objects"]]
+    things = [thing_of(item) for item in looked["data"]["objects"]]
     rmse = float(fitted["data"]["position_rmse"])
     source = "annotation" if scene.video is None else "video"
     say(f"{scene.number} through the tools ({source}): {call.calls} calls, rmse {rmse:.4f} m")
-    mine = _happenings(read["data"]["events"])
+    mine = happenings(read["data"]["events"])
     truth = true_happenings(scene)
     known = [Thing(name, *scene.kinds[name]) for name in scene.tracks.names]
     by_look = {(t.color, t.material, t.shape): t.name for t in known}
@@ -126,14 +126,16 @@ async def _work(scene: Scene, folder: Path, say: Say) -> ToolRun:
     return ToolRun(scene.number, source, rmse, score, call.calls, tuple(answers))
 
 
-def _thing(item: dict[str, Any]) -> Thing:
+def thing_of(item: dict[str, Any]) -> Thing:
+    """Return an object of InspectWorld as questions name it."""
     look = item.get("appearance") or item
     kind = item["shape"]["kind"] if isinstance(item["shape"], dict) else item["shape"]
     shape = "cube" if kind == "box" else kind
     return Thing(item["name"], str(look.get("color")), str(look.get("material")), str(shape))
 
 
-def _happenings(events: list[dict[str, Any]]) -> list[Happening]:
+def happenings(events: list[dict[str, Any]]) -> list[Happening]:
+    """Return entries, exits and collisions of ReadEvents, touches within `APART` frames counted once."""
     kinds: dict[str, Literal["in", "out", "collision"]] = {"entry": "in", "exit": "out"}
     latest: dict[frozenset[str], float] = {}
     found: list[Happening] = []
@@ -169,7 +171,7 @@ def _official(scene: Scene, folder: Path, things: list[Thing], events: list[Happ
             for choice in question["choices"]:
                 right = choice["answer"] == "correct"
                 try:
-                    said = answer_choice(question["program"], choice["program"], things, events)
+                    said = answer_choice(question["program"], choice["program"], Known(things, events))
                     answers.append(Answer(question["question"], choice["choice"], said, right))
                 except NotInScene as error:
                     answers.append(Answer(question["question"], choice["choice"], None, right, str(error)))
@@ -190,9 +192,9 @@ def _posed(
         for thing in known:
             if thing.name in collision.pair:
                 continue
-            right = answer_choice(question, _meaning(thing), known, truth)
+            right = answer_choice(question, _meaning(thing), Known(known, truth))
             try:
-                said = answer_choice(question, _meaning(thing), things, mine)
+                said = answer_choice(question, _meaning(thing), Known(things, mine))
                 answers.append(Answer(text, f"presence of {thing.name}", said, right))
             except NotInScene as error:
                 answers.append(Answer(text, f"presence of {thing.name}", None, right, str(error)))

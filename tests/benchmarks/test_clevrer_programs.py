@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.benchmarks.clevrer_programs import Happening, NotInScene, Thing, answer_choice, causes
+from tests.benchmarks.clevrer_programs import Happening, Known, NotInScene, Thing, answer_choice, answer_words, causes
 from tests.scenes.clevrer_data import Collision, default_folder
 from tests.scenes.clevrer_events import score_collisions
 
@@ -38,8 +39,8 @@ def test_causes_follow_the_participants_back_in_time() -> None:
     assert causes(events[0], events) == []
 
 
-def official(number: str) -> list[dict[str, object]]:
-    questions: list[dict[str, object]] = json.loads(QUESTIONS.read_text())[number]["questions"]
+def official(number: str) -> list[dict[str, Any]]:
+    questions: list[dict[str, Any]] = json.loads(QUESTIONS.read_text())[number]["questions"]
     return questions
 
 
@@ -55,7 +56,7 @@ def test_official_question_not_responsible() -> None:
     events = [enters(3, "dice"), met(20, "dice", "ball"), enters(30, "late"), met(45, "ball", "can")]
     question = official("0")[0]
     for choice in question["choices"]:
-        said = answer_choice(question["program"], choice["program"], things, events)
+        said = answer_choice(question["program"], choice["program"], Known(things, events))
         assert said == (choice["answer"] == "correct"), choice["choice"]
 
 
@@ -70,14 +71,89 @@ def test_official_question_responsible() -> None:
     events = [enters(2, "rod"), met(30, "rod", "pot"), enters(50, "dice"), met(70, "leaf", "rod")]
     question = official("1000")[0]
     for choice in question["choices"]:
-        said = answer_choice(question["program"], choice["program"], things, events)
+        said = answer_choice(question["program"], choice["program"], Known(things, events))
         assert said == (choice["answer"] == "correct"), choice["choice"]
 
 
 def test_a_question_about_something_absent_is_not_answered() -> None:
     things = [Thing("can", "gray", "rubber", "cylinder")]
     with pytest.raises(NotInScene, match="the scene has 0"):
-        answer_choice(["negate"], ["objects", "brown", "filter_color", "unique"], things, [])
+        answer_choice(["negate"], ["objects", "brown", "filter_color", "unique"], Known(things, []))
+
+
+THINGS = [
+    Thing("can", "gray", "rubber", "cylinder"),
+    Thing("ball", "red", "metal", "sphere"),
+    Thing("dice", "red", "metal", "cube"),
+]
+CAN = ["objects", "gray", "filter_color", "unique"]
+BALL = ["objects", "sphere", "filter_shape", "unique"]
+DICE = ["objects", "cube", "filter_shape", "unique"]
+MOVING = {("ball", 0.0): True, ("can", 0.0): False, ("dice", 0.0): None, ("ball", 99.0): False, ("can", 99.0): True}
+SCENE = Known(
+    THINGS,
+    [enters(5, "dice"), met(20, "dice", "ball"), met(40, "can", "ball")],
+    unseen=[met(110, "dice", "can")],
+    last=99.0,
+    moving=lambda name, frame: MOVING.get((name, 0.0 if frame is None else frame)),
+    without=lambda name: {"dice": [], "ball": [met(60, "can", "dice")]}[name],
+)
+
+
+@pytest.mark.parametrize(
+    ("program", "answer"),
+    [
+        (["events", "objects", "filter_collision", "count"], "2"),
+        (["objects", "start", "get_frame", "filter_moving", "count"], "1"),
+        (["objects", "events", "filter_end", "query_frame", "filter_stationary", "exist"], "yes"),
+        (["objects", "red", "filter_color", "end", "get_frame", "filter_moving", "exist"], "no"),
+        (["events", "objects", "filter_in", "first", "filter_order", "get_object", "query_shape"], "cube"),
+        (
+            ["events", *BALL, "filter_collision", "last", "filter_order", *BALL, "get_col_partner", "query_color"],
+            "gray",
+        ),
+        (
+            [
+                "events",
+                "events",
+                *DICE,
+                "filter_collision",
+                "unique",
+                "filter_after",
+                *CAN,
+                "filter_collision",
+                "count",
+            ],
+            "1",
+        ),
+        (["events", "events", *DICE, "filter_in", "unique", "filter_before", "objects", "filter_out", "count"], "0"),
+    ],
+)
+def test_descriptive_programs_answer_as_a_reader_does(program: list[str], answer: str) -> None:
+    assert answer_words(program, SCENE) == answer
+
+
+def pair(first: list[str], second: list[str]) -> list[str]:
+    return ["all_events", *first, "filter_collision", *second, "filter_collision", "unique"]
+
+
+def test_predictions_hold_only_what_comes_after_the_clip() -> None:
+    question = ["unseen_events", "belong_to"]
+    assert answer_choice(question, pair(DICE, CAN), SCENE)
+    assert not answer_choice(question, pair(DICE, BALL), SCENE)  # it happened, and does not again
+
+
+def test_counterfactuals_hold_what_happens_without_an_object() -> None:
+    without_ball = ["all_events", *BALL, "get_counterfact", "belong_to"]
+    assert answer_choice(without_ball, pair(DICE, CAN), SCENE)
+    without_dice = ["all_events", *DICE, "filter_counterfact", "belong_to"]
+    assert not answer_choice(without_dice, pair(BALL, CAN), SCENE)
+    assert answer_choice([*without_dice, "negate"], pair(BALL, CAN), SCENE)
+
+
+def test_an_operation_that_is_not_the_languages_is_named() -> None:
+    with pytest.raises(ValueError, match="'filter_size'"):
+        answer_words(["objects", "filter_size"], SCENE)
 
 
 def test_an_annotated_collision_matches_one_simulated_one_of_its_pair() -> None:
