@@ -21,25 +21,37 @@ def executor_from(text: str, workers: int | None = None) -> Executor:
     workers; serial: this process. Raises ValueError for other texts, RuntimeError where the `distributed` extra is
     missing, ConnectionError where no scheduler or worker answers.
     """
-    kind, _, rest = text.partition(":")
+    kind, rest = _parsed(text)
     if kind == "local":
-        return LocalExecutor(_count(text, rest) if rest else workers or available_cores())
-    if kind == "dask":
-        return DaskExecutor(rest or None, workers)
-    if text == "serial":
-        return SerialExecutor()
-    raise ValueError(f"{text!r} names no executor: give {FORMS}")
+        return LocalExecutor(int(rest) if rest else workers or available_cores())
+    return DaskExecutor(rest or None, workers) if kind == "dask" else SerialExecutor()
 
 
-def _count(text: str, number: str) -> int:
-    if not number.isdecimal() or int(number) < 1:
+def _parsed(text: str) -> tuple[str, str]:
+    """Return kind and place; raises ValueError for what names no executor."""
+    kind, colon, rest = text.partition(":")
+    if kind not in ("local", "dask", "serial") or (colon and (kind == "serial" or not rest)):
+        raise ValueError(f"{text!r} names no executor: give {FORMS}")
+    if kind == "local" and rest and (not rest.isdecimal() or int(rest) < 1):
         raise ValueError(f"{text!r}: the number of workers must be a whole number of at least 1")
-    return int(number)
+    if kind == "dask" and rest and "://" not in rest:
+        raise ValueError(f"{text!r}: give the scheduler's whole address, as dask:tcp://HOST:PORT")
+    return kind, rest
 
 
 def add_executor_argument(parser: argparse.ArgumentParser) -> None:
-    """Add `--executor`, a text for `executor_from`."""
-    parser.add_argument("--executor", default="local", metavar="WHERE", help=f"{FORMS} (default: %(default)s)")
+    """Add `--executor`, a text for `executor_from`; one that names none is refused with the command line."""
+    parser.add_argument(
+        "--executor", type=_checked, default="local", metavar="WHERE", help=f"{FORMS} (default: %(default)s)"
+    )
+
+
+def _checked(text: str) -> str:
+    try:
+        _parsed(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    return text
 
 
 def print_progress(what: str) -> Progress:

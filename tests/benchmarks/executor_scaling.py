@@ -29,7 +29,8 @@ from tests.benchmarks.peers.markdown import markdown
 from tests.benchmarks.peers.table import Table
 from tests.scenes.clevrer_data import available_scenes, default_folder
 
-SEARCHED = (2, 8, 32, 128, 512)  # workers that the estimate is given for
+ESTIMATED = (2, 8, 32, 128, 512)  # workers that the estimate is given for
+WARM = 1024  # rollouts of a fit before those that are measured
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ def cost(executor: Executor, function: Callable[[Any], Any], piece: Any, count: 
 def fits(executor: Executor, scenes: Mapping[str, tuple[str, str, bool]], budget: int) -> tuple[float, dict[str, Fit]]:
     """Return the seconds in which all scenes are fitted, and the fits."""
     work = partial(fitted, budgets=(budget, 0))
-    results(executor.run(partial(fitted, budgets=(64, 0)), dict(list(scenes.items())[: 2 * executor.workers])))
+    results(executor.run(partial(fitted, budgets=(WARM, 0)), dict(list(scenes.items())[: 2 * executor.workers])))
     begin = time.perf_counter()
     found = results(executor.map(work, scenes))
     return time.perf_counter() - begin, found
@@ -112,7 +113,7 @@ def fits(executor: Executor, scenes: Mapping[str, tuple[str, str, bool]], budget
 def estimate(cost: Cost, seconds: float) -> list[tuple[str, ...]]:
     """Return rows: workers, pieces a second, share of what as many workers without any overhead would do."""
     rows = []
-    for workers in SEARCHED:
+    for workers in ESTIMATED:
         rate = min(workers / (seconds + cost.between), 1.0 / cost.coordinator)
         rows.append((str(workers), f"{rate:.3g}", f"{100.0 * rate * seconds / workers:.1f}%"))
     return rows

@@ -23,7 +23,8 @@ def in_process() -> Iterator[DaskExecutor]:
     """Give an executor on a scheduler whose two workers are threads of this process."""
     distributed = pytest.importorskip("distributed", reason="needs the extra: pip install 'atw-mcp[distributed]'")
     cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=":0")
-    with cluster, DaskExecutor(cluster.scheduler_address) as executor:
+    with cluster, executor_from(f"dask:{cluster.scheduler_address}") as executor:
+        assert isinstance(executor, DaskExecutor)
         yield executor
 
 

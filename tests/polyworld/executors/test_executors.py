@@ -130,13 +130,16 @@ def test_processes_share_the_cores_and_leave_the_environment(two: Executor) -> N
     assert dict(os.environ) == before
 
 
-def test_executors_are_named_on_the_command_line() -> None:
+def test_executors_are_named_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     parser = argparse.ArgumentParser()
     add_executor_argument(parser)
     assert parser.parse_args([]).executor == "local"
     assert executor_from("local", 3).workers == 3
     assert executor_from("local:4", 3).workers == 4
     assert isinstance(executor_from("serial"), SerialExecutor)
-    for wrong in ("local:0", "local:x", "cloud", "serial:2"):
+    for wrong in ("local:0", "local:x", "local:", "cloud", "serial:2", "dask:host:8786"):
         with pytest.raises(ValueError, match=wrong):
             executor_from(wrong)
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--executor", "dask:host:8786"])
+    assert "dask:tcp://HOST:PORT" in capsys.readouterr().err
