@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -18,6 +19,12 @@ from tests.scenes.clevrer_data import HALF_SIZE, SECONDS_PER_FRAME
 Floats = NDArray[np.float64]
 Source = Literal["video", "annotation"]
 
+# What is known beforehand of every CLEVRER scene: three shapes of one size.
+SHAPES: dict[str, dict[str, Any]] = {
+    "cube": {"kind": "box", "half_extents": [HALF_SIZE] * 3},
+    "cylinder": {"kind": "cylinder", "radius": HALF_SIZE, "half_height": HALF_SIZE},
+    "sphere": {"kind": "sphere", "radius": HALF_SIZE},
+}
 FUTURE = 50  # frames after the clip in which a predicted event may fall
 MOVING = 0.1  # m/s from which an object moves, as in the executor of CLEVRER's authors
 LINE = 10  # frames at a track's start or end to which a straight line is fitted
@@ -44,10 +51,13 @@ class Facts:
 
 async def facts(call: Caller, scene: Asked, source: Source) -> Facts:
     """Observe or import the scene, fit a planar world, and roll out it and its branches."""
-    case = await _observed(call, scene, source)
+    case, seen = await _observed(call, scene, source)
+    kinds = {**seen, **named_shapes(seen, scene.questions)}
+    given = [{"name": name, "shape": SHAPES[kind]} for name, kind in kinds.items() if kind in SHAPES]
     built = await call(
         "BuildWorld",
         case=case,
+        **({"objects": given} if given else {}),
         seconds_per_frame=SECONDS_PER_FRAME,
         representation="planar",
         effects=[{"name": "air", "kind": "quadratic_damping"}],
@@ -56,6 +66,7 @@ async def facts(call: Caller, scene: Asked, source: Source) -> Facts:
     await call("CommitWorld", case=case, world=fitted["data"]["world"], even_if_failed=True)
     looked = await call("InspectWorld", case=case)
     things = [thing_of(item) for item in looked["data"]["objects"]]
+    things = [replace(t, shape=kinds.get(t.name, t.shape)) for t in things]
     tracks = tuple([await _track(call, case, t.name) for t in things])
     last = len(tracks[0].places) - 1
     rolled = await call("Rollout", case=case, horizon_frames=last + FUTURE)
@@ -89,17 +100,40 @@ async def facts(call: Caller, scene: Asked, source: Source) -> Facts:
     return Facts(known, tracks, float(fitted["data"]["position_rmse"]))
 
 
-async def _observed(call: Caller, scene: Asked, source: Source) -> str:
+async def _observed(call: Caller, scene: Asked, source: Source) -> tuple[str, dict[str, str]]:
+    """Return the case, and of a video the kinds of shapes that were seen by name."""
     if source == "annotation":
         path = str(scene.annotation)
         case = str((await call("OpenCase", data=path))["case"])
         await call("ImportObservation", case=case, kind="tracks", path=path)
-        return case
+        return case, {}
     case = str((await call("OpenCase", video=str(scene.video)))["case"])
-    await call("ObserveObjects", case=case)
+    observed = await call("ObserveObjects", case=case)
     plane = json.loads(scene.camera.read_text())
     await call("CalibrateCamera", case=case, homography=plane["H"], plane_z=HALF_SIZE)
-    return case
+    return case, {str(o["name"]): _kind(o) for o in observed["data"]["objects"]}
+
+
+def _kind(item: dict[str, Any]) -> str:
+    shape = item["shape"]["kind"] if isinstance(item["shape"], dict) else str(item["shape"])
+    return "cube" if shape == "box" else shape
+
+
+def named_shapes(seen: dict[str, str], questions: Sequence[dict[str, Any]]) -> dict[str, str]:
+    """Return shapes that questions name of objects, known by their colour, whose shape was not made out."""
+    said: dict[str, set[str]] = {}
+    for asked in questions:
+        for program in (asked["program"], *(c["program"] for c in asked.get("choices", ()))):
+            for here, then, after, last in zip(program, program[1:], program[2:], program[3:], strict=False):
+                if (then, last) == ("filter_color", "filter_shape"):
+                    said.setdefault(here, set()).add(after)
+    found = {}
+    for name, kind in seen.items():
+        color = name.split("_")[0]
+        alone = sum(n.split("_")[0] == color for n in seen) == 1
+        if kind not in SHAPES and alone and len(said.get(color, ())) == 1:
+            (found[name],) = said[color]
+    return found
 
 
 async def _events(call: Caller, rollout: str) -> list[Happening]:

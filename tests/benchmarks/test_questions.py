@@ -12,7 +12,7 @@ from tests.benchmarks.clevrer_programs import Happening, Known, Thing
 from tests.benchmarks.pulley_worlds import Layout
 from tests.benchmarks.question_folders import clevrer_scenes, pulley_scenes
 from tests.benchmarks.question_scores import Judged, Question, SceneRun, causes, rows, wilson
-from tests.benchmarks.question_worlds import Track, annotated, straight
+from tests.benchmarks.question_worlds import Track, annotated, named_shapes, straight
 from tests.benchmarks.questions_clevrer import cause, same_events
 from tests.benchmarks.questions_pulleys import way_of
 
@@ -153,3 +153,11 @@ def test_wheels_turn_as_the_rope_runs_over_and_under_them() -> None:
     assert way_of(LAYOUT, rises, "gray pulley", "motion") == "down"
     assert way_of(LAYOUT, rises, "cyan pulley", "motion") == "stationary"
     assert LAYOUT.loads(LAYOUT.ropes[1]) == ["black cube", "white cube"]
+
+
+def test_shapes_that_were_not_made_out_are_those_that_questions_name() -> None:
+    choice = {"program": ["all_events", "objects", "red", "filter_color", "cube", "filter_shape", "unique"]}
+    about = {"program": ["objects", "gray", "filter_color", "sphere", "filter_shape", "exist"], "choices": [choice]}
+    seen = {"red_object": "other", "gray_cube": "cube", "blue_object": "other"}
+    assert named_shapes(seen, [about]) == {"red_object": "cube"}  # gray's was made out, of blue nothing is said
+    assert named_shapes({**seen, "red_sphere": "sphere"}, [about]) == {}  # which of two red ones is meant?
