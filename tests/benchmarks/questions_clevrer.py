@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -108,16 +109,19 @@ def cause(asked: dict[str, Any], question: Question, known: Known, truth: Known 
 
 
 def same_events(known: Known, truth: Known, names: dict[str, str]) -> bool:
-    """Return whether the annotated collisions, entries and exits of the clip, and no others, are simulated.
+    """Return whether the annotated collisions are simulated within `TOLERANCE`, and who enters and leaves, no others.
 
-    names: annotated names by those in `known`.
+    names: annotated names by those in `known`. When a thing enters depends on whether its middle or its rim counts.
     """
 
-    def listed(events: Any, rename: dict[str, str]) -> list[tuple[str, tuple[str, ...], float]]:
-        named: list[Happening] = [e for e in events if e.kind in ("in", "out", "collision")]
-        return sorted((e.kind, tuple(sorted(rename.get(n, n) for n in e.objects)), e.frame) for e in named)
+    def listed(events: Sequence[Happening], rename: dict[str, str], kinds: set[str]) -> list[tuple[Any, ...]]:
+        named = [(e.kind, tuple(sorted(rename.get(n, n) for n in e.objects)), e.frame) for e in events]
+        return sorted(n for n in named if n[0] in kinds)
 
-    mine, real = listed(known.events, names), listed(truth.events, {})
-    return len(mine) == len(real) and all(
-        m[:2] == r[:2] and abs(m[2] - r[2]) <= TOLERANCE for m, r in zip(mine, real, strict=True)
+    mine, real = listed(known.events, names, {"collision"}), listed(truth.events, {}, {"collision"})
+    crossing = [[c[:2] for c in listed(*of, {"in", "out"})] for of in ((known.events, names), (truth.events, {}))]
+    return (
+        crossing[0] == crossing[1]
+        and len(mine) == len(real)
+        and all(m[1] == r[1] and abs(m[2] - r[2]) <= TOLERANCE for m, r in zip(mine, real, strict=True))
     )
