@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 import textwrap
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from atw_mcp.batch.run import Outcome
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
+LOOK_AGAIN = 1.0  # [s] between two looks at what is under way; its processes report once a second
 HELP = """\
 Model every case of a manifest, commit its world and ask it its questions, by the same tools as an agent. A line is
 one case, a JSON object (`atw-mcp schema manifest`); paths are relative to the manifest:
@@ -79,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
         asked = sum(len(case.entry.questions) for case in cases)
         print(f"{options.manifest}: {len(cases)} cases with {asked} questions, nothing wrong")
         return OK
-    line = _Progress()
+    line = _Progress(options.out / "shards")
     try:
         limits = Limits.read(options.limits).model_dump(exclude_unset=True)
         folder = options.manifest.absolute().parent
@@ -110,23 +113,41 @@ def run(options: argparse.Namespace) -> int:
 
 
 class _Progress:
-    """Cases done and the time left: a line that is rewritten on a terminal, else a line a case."""
+    """Cases done, the time left, and what is under way: a line kept up to date on a terminal, else a line a case."""
 
-    def __init__(self) -> None:
-        self._line = ProgressLine()
+    def __init__(self, shards: Path) -> None:
+        self._shards, self._line, self._ended = shards, ProgressLine(), threading.Event()
+        self._state: tuple[int, int, float | None] | None = None
+        self._since = time.monotonic()
+        self._thread = threading.Thread(target=self._follow, daemon=True, name="batch-progress")
+        if sys.stderr.isatty():
+            self._thread.start()
 
     def report(self, done: int, total: int, seconds: float | None, last: str) -> None:
-        """Show how far the batch is."""
-        from polyworld.solver.core.patience import in_words
-
+        """Take note of how far the batch is."""
         if last and not sys.stderr.isatty():
             print(last, file=sys.stderr)
-        left = "" if seconds is None or done == total else f", about {in_words(seconds)} left"
-        self._line.show(done, total, f"{done} of {total} cases{left}{'; ' + last if last else ''}")
+        self._state, self._since = (done, total, seconds), time.monotonic()
 
     def clear(self) -> None:
-        """Remove the line."""
+        """Stop, and remove the line."""
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
         self._line.clear()
+
+    def _follow(self) -> None:
+        from atw_mcp.batch.shards import under_way
+        from polyworld.solver.core.patience import in_words
+
+        while not self._ended.wait(LOOK_AGAIN):
+            if self._state is None:
+                continue
+            done, total, seconds = self._state
+            rest = None if seconds is None or done == total else seconds - (time.monotonic() - self._since)
+            left = f", about {in_words(rest)} left" if rest is not None and rest > 1.0 else ""
+            now = "".join(f"; {case}: {message}" for case, message in sorted(under_way(self._shards).items()))
+            self._line.show(done, total, f"{done} of {total} cases{left}{now}")
 
 
 def _table(outcome: Outcome) -> Iterator[str]:

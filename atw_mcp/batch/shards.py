@@ -49,7 +49,7 @@ def shard_file(folder: Path, case: str) -> Path:
 def new_shard(folder: Path, case: str) -> Iterator[Path]:
     """Yield the path of a store to fill and close, which becomes the shard of the case once `keep_note` was called."""
     folder.mkdir(parents=True, exist_ok=True)
-    own = Path(tempfile.mkdtemp(prefix=UNFINISHED, dir=folder))
+    own = Path(tempfile.mkdtemp(prefix=f"{UNFINISHED}{case}.", dir=folder))
     try:
         yield own / "case.db"
         os.replace(own / "case.db", shard_file(folder, case))
@@ -61,6 +61,21 @@ def remove_unfinished(folder: Path) -> None:
     """Remove what killed processes left."""
     for left in folder.glob(f"{UNFINISHED}*"):
         shutil.rmtree(left, ignore_errors=True)
+
+
+def under_way(folder: Path) -> dict[str, str]:
+    """Return how far the cases are that processes work on now: what they report, by case, where they do."""
+    found = {}
+    for own in folder.glob(f"{UNFINISHED}*"):
+        case = own.name.removeprefix(UNFINISHED).rpartition(".")[0]
+        try:
+            with closing(sqlite3.connect(f"{(own / 'case.db').absolute().as_uri()}?mode=ro", uri=True)) as database:
+                rows = database.execute("SELECT message FROM jobs WHERE message != '' ORDER BY evidence_seq").fetchall()
+        except sqlite3.Error:  # not made yet, or complete by now
+            continue
+        if rows:
+            found[case] = str(rows[0][0])  # of the outermost piece of work
+    return found
 
 
 def result_of(folder: Path, case: str) -> CaseResult | None:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from atw_mcp.batch.run import BatchRefused, run_batch
-from atw_mcp.batch.shards import result_of
+from atw_mcp.batch.shards import new_shard, result_of, under_way
 from evidence_store import Evidence, EvidenceStore
 from evidence_store.checking import check
 from polyworld.executors import SerialExecutor
@@ -113,3 +113,18 @@ def test_a_question_that_fails_leaves_the_others(tmp_path: Path) -> None:
     (failure,) = outcome.failures
     assert (failure["question"], failure["step"]) == ("when", "QueryWorld")
     assert "nobody" in failure["reason"]
+
+
+def test_work_under_way_is_seen_from_outside(tmp_path: Path) -> None:
+    shards = tmp_path / "shards"
+    with new_shard(shards, "ball.1") as file:
+        assert under_way(shards) == {}
+        store = EvidenceStore(file)
+        for message in ("FitWorld: searching", "searching"):
+            record = store.evidence.add(Evidence("ModelVideo", {}, status="running"))
+            store.jobs.start(record.id, message)
+            store.jobs.beat(record.id, 0.5, 1.0, message)
+        assert under_way(shards) == {"ball.1": "FitWorld: searching"}
+        store.close()
+    assert under_way(shards) == {}
+    assert [path.name for path in shards.iterdir()] == ["ball.1.db"]
