@@ -11,6 +11,7 @@ from sqlite_utils import Database
 from evidence_store.checksums import COLUMNS
 from evidence_store.connection import next_number
 from evidence_store.errors import StoreError
+from evidence_store.references import CONTENTS
 from evidence_store.store import EvidenceStore
 
 Rows = Mapping[str, list[dict[str, Any]]]
@@ -39,6 +40,16 @@ def merge(parts: Iterable[Path], target: Path) -> int:
             target.with_name(name).unlink(missing_ok=True)
         raise
     return count
+
+
+def copy_contents(store: EvidenceStore, part: Path) -> None:
+    """Copy the worlds, observations, rollouts and fits of another store, so that none is computed again.
+
+    Nothing refers to them until the same is asked for; `upkeep.prune` removes those of which that is still true.
+    """
+    rows = _all_rows(part)
+    contents = {table: rows[table] for table in ("worlds", *CONTENTS)}
+    insert_rows(store, {**contents, "cases": [], "evidence": []}, "")
 
 
 def insert_rows(store: EvidenceStore, rows: Rows, cure: str) -> None:

@@ -52,10 +52,11 @@ def backup(path: Path, target: Path) -> int:
     return target.stat().st_size
 
 
-def prune(path: Path, *, cases: Iterable[str] = (), dry_run: bool = False) -> Pruned:
+def prune(path: Path, *, cases: Iterable[str] = (), worlds: bool = False, dry_run: bool = False) -> Pruned:
     """Remove cached observations, rollouts and fits that nothing refers to, and whole cases that are named.
 
-    `evidence_store.references` says what refers to what. Ids of evidence are never used again. dry_run: only count.
+    `evidence_store.references` says what refers to what. Ids of evidence are never used again. worlds: also those that
+    nothing refers to, as with the cases that are named. dry_run: only count.
     Raises UnknownRecord for a case that does not exist, StoreLocked while another process has the file open: what it
     computes is referred to only when it is done.
     """
@@ -72,7 +73,7 @@ def prune(path: Path, *, cases: Iterable[str] = (), dry_run: bool = False) -> Pr
         except sqlite3.OperationalError as error:
             raise StoreLocked(f"another process uses {path} ({error}): end the servers first") from error
         removed = _remove_cases(database, named)
-        removed |= _remove_unreferenced(database, with_worlds=bool(named))
+        removed |= _remove_unreferenced(database, with_worlds=worlds or bool(named))
         if dry_run:
             database.rollback()
             return Pruned(removed, before, None)

@@ -11,13 +11,16 @@ from pathlib import Path
 from typing import Any
 
 from atw_mcp.batch.manifest import Entry, ManifestCase, Question
-from atw_mcp.batch.shards import CaseResult, keep_result, new_shard
+from atw_mcp.batch.shards import CaseResult, keep_result, new_shard, shard_file
 from atw_mcp.calls.app import App
 from atw_mcp.calls.deferred import DeferredTool
 from atw_mcp.calls.jobs import Progress
 from atw_mcp.calls.limits import Limits
 from atw_mcp.calls.steps import Step, StepFailed, Steps
 from atw_mcp.tools import manifest as tools
+from evidence_store import StoreError
+from evidence_store.merge import copy_contents
+from evidence_store.upkeep import prune
 
 END = 3.0  # [s] for the threads of finished work to end before its store is closed
 logger = logging.getLogger(__name__)
@@ -41,7 +44,11 @@ def run_case(piece: CasePiece) -> CaseResult:
     begin = time.monotonic()
     with new_shard(piece.shards, entry.id) as store:
         app = App(store, piece.allow, Limits.model_validate(piece.limits))
+        earlier = shard_file(piece.shards, entry.id)
+        again = earlier.exists()
         try:
+            if again:
+                _reuse(app, earlier)
             app.tools = [DeferredTool.from_entry(item) for item in tools.entries()]
             app.store.evidence.number_from(piece.case.first_evidence)
             steps = Steps(app, Progress(), dict.fromkeys((tool.name for tool in app.tools), 1.0))
@@ -55,9 +62,19 @@ def run_case(piece: CasePiece) -> CaseResult:
         finally:
             app.stop_work(END)
             app.close()
+        if again:
+            prune(store, worlds=True)
         result.seconds = round(time.monotonic() - begin, 3)
         keep_result(store, result)
     return result
+
+
+def _reuse(app: App, earlier: Path) -> None:
+    """Take over what was computed for the case before, so that a change of its questions alone repeats no fit."""
+    try:
+        copy_contents(app.store, earlier)
+    except StoreError as error:
+        logger.warning("%s; all of it is computed again", error)
 
 
 @contextmanager

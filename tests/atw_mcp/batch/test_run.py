@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +94,26 @@ def test_what_changed_is_refused_or_run_again(folder: Path) -> None:
     (folder / "none.csv").write_text((folder / "slide.csv").read_text())
     with pytest.raises(BatchRefused, match="has results of gone from before"):
         run_batch(batch, RUN)
+
+
+def test_a_changed_question_repeats_no_fit_and_leaves_nothing_of_the_earlier_run(folder: Path) -> None:
+    def kept(table: str) -> set[str]:
+        with sqlite3.connect(folder / "results" / "shards" / "slide.db") as database:
+            return {row[0] for row in database.execute(f"SELECT id FROM {table}")}
+
+    before = {table: kept(table) for table in ("worlds", "observations", "fits", "rollouts")}
+    slide = puck(folder)
+    slide["questions"][0]["horizon_seconds"] = 1.4
+    batch = batch_of(folder, discs(), {"id": "gone", "tracks": "none.csv"}, slide)
+    assert run_batch(batch, RUN, ["changed"]).failures[0]["case"] == "gone"
+    store = EvidenceStore.to_read(batch.store)
+    (fit,) = store.evidence.of_case("slide", tool="FitWorld")
+    assert store.evidence.get(fit.id).payload["shown"]["computed_now"] is False
+    store.close()
+    assert {table: kept(table) for table in ("worlds", "observations", "fits")} == {
+        table: before[table] for table in ("worlds", "observations", "fits")
+    }
+    assert not kept("rollouts") & before["rollouts"]
 
 
 def test_a_store_that_was_worked_on_is_not_replaced(folder: Path) -> None:
