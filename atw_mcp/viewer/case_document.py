@@ -15,6 +15,7 @@ from atw_mcp.viewer.gaps import gap_views
 from atw_mcp.viewer.lineage import provenance
 from atw_mcp.viewer.observed import observed_view, run_view, tracks_view
 from atw_mcp.viewer.packing import Blocks
+from atw_mcp.viewer.paths import without_folders
 from atw_mcp.viewer.records import CaseRecords, read_case
 from atw_mcp.viewer.rollouts import rollout_view
 from atw_mcp.viewer.running import running_views
@@ -50,12 +51,13 @@ def case_document(
         comparisons=comparisons,
         fits=fit_views(store, read.case.id, blocks, read.missing),
         gaps=gaps,
-        evidence=[evidence_row(row) for row in read.evidence],
+        evidence=[evidence_row(row, read.case.path) for row in read.evidence],
         provenance=provenance(store, read.case.id, read.missing),
         running=running_views(store, read.case.id),
         shown=[rollout for rollout in first if rollout in read.rollouts][:2],
     )
-    document.missing = list(dict.fromkeys(read.missing))  # the same damage may be met twice
+    said = [without_folders(sentence, [read.case.path]) for sentence in read.missing]
+    document.missing = list(dict.fromkeys(said))  # the same damage may be met twice
     return document, blocks
 
 
@@ -87,13 +89,14 @@ def _case_view(read: CaseRecords) -> view.CaseView:
     )
 
 
-def evidence_row(record: Evidence) -> view.EvidenceRow:
-    """Return a record without what it holds."""
+def evidence_row(record: Evidence, file: str) -> view.EvidenceRow:
+    """Return a record without what it holds; file: path of the case's file."""
+    paths = [file, *(value for value in record.arguments.values() if isinstance(value, str))]
     return view.EvidenceRow(
         id=record.id,
         tool=record.tool,
         status=record.status,
-        summary=record.summary,
+        summary=without_folders(record.summary, [path for path in paths if "/" in path or "\\" in path]),
         world=record.world,
         rollout=record.rollout,
         observation=record.observation,
