@@ -36,23 +36,36 @@ export class Opened {
   }
 }
 
+const FORMAT = "atw-view/1";
+const INCOMPLETE = "The document of this page is damaged or incomplete: write the report again.";
+
 export async function unpack(bytes: Uint8Array<ArrayBuffer>): Promise<Opened> {
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
   const whole = await new Response(stream).arrayBuffer().catch(() => {
-    throw new Error("the document of this page is damaged or incomplete: write the report again");
+    throw new Error(INCOMPLETE);
   });
   const head = new DataView(whole);
   if (head.getUint32(0, false) !== 0x41545756) throw new Error("this is no document of the viewer");
   const length = head.getUint32(4, true);
   const text = new TextDecoder().decode(new Uint8Array(whole, 8, length));
   const document = JSON.parse(text) as ViewDocument;
-  if (document.format !== "atw-view/1") throw new Error(`this viewer does not read ${document.format}`);
+  if (document.format !== FORMAT) {
+    throw new Error(`This page reads ${FORMAT}, and its document is ${document.format}: load the page again, or write the report again.`);
+  }
   return new Opened(document, whole.slice(8 + length));
 }
 
 export function fromBase64(text: string): Uint8Array<ArrayBuffer> {
-  const characters = atob(text.trim());
+  const characters = decoded(text.trim());
   const bytes = new Uint8Array(characters.length);
   for (let i = 0; i < bytes.length; i++) bytes[i] = characters.charCodeAt(i);
   return bytes;
+}
+
+function decoded(text: string): string {
+  try {
+    return atob(text);
+  } catch {
+    throw new Error(INCOMPLETE);
+  }
 }

@@ -5,6 +5,7 @@ import { Icon } from "../icons";
 import { helpOpen } from "../keys";
 import { document, evidence, live, lost, record, tab } from "../state";
 import { preference, type Preference } from "../theme";
+import { Agreement } from "./agreement";
 import "./head.css";
 
 const THEMES: Record<Preference, string> = { system: "system theme", light: "light theme", dark: "dark theme" };
@@ -43,6 +44,7 @@ export function Head() {
       ) : (
         rows.length > 0 && list
       )}
+      <Agreement />
     </header>
   );
 }
@@ -73,16 +75,24 @@ function Row({ question, answer }: { question: string; answer: Answer | null }) 
           {answer.missing && <span>{answer.missing}</span>}
           {answer.evidence.length > 0 && <span>evidence</span>}
           {answer.evidence.map((id) => (
-            <button key={id} class="link" onClick={() => cite(id)}>
-              {id}
-            </button>
+            <Cited key={id} id={id} />
           ))}
           <button class="link" onClick={() => trace(answer)}>
-            back to the video
+            how it was found
           </button>
         </div>
       )}
     </li>
+  );
+}
+
+function Cited({ id }: { id: string }) {
+  const row = document.value!.evidence.find((one) => one.id === id);
+  return (
+    <button class="link" title={row?.summary} onClick={() => cite(id)}>
+      {row && `${row.tool} `}
+      <span>{id}</span>
+    </button>
   );
 }
 

@@ -4,7 +4,7 @@ import { signal, untracked, useSignalEffect } from "@preact/signals";
 import { eventLabel, groundShown, hiddenKinds, KINDS, lanes, visibleLanes, type Kind, type Lane } from "../events";
 import { digits } from "../format";
 import { Icon } from "../icons";
-import { duration, filmEnd, frame, seek, time } from "../state";
+import { document, duration, filmEnd, frame, seek, time } from "../state";
 import { Shape } from "./mark_shapes";
 import { LaneMarks, LANE, tip } from "./timeline_lane";
 import { heldOut, MARGIN, moment, place, reveal, showInterval, ticks, view, width, zoom, zoomed } from "./timeline_view";
@@ -264,7 +264,7 @@ function Legend() {
         </button>
       )}
       {all.length === 0 && <span class="soft small">no events</span>}
-      {filmEnd.value !== null && <span class="chip">shaded: video</span>}
+      {filmEnd.value !== null && <span class="chip">shaded: {document.value!.case.kind === "video" ? "video" : "measured"}</span>}
       {heldOut.value.length > 0 && <span class="chip">hatched: held out of fits</span>}
       <span class="push" />
       {zoomed.value && (

@@ -77,7 +77,7 @@ function Clock() {
       <span class="soft length">of {digits(duration.value)} s</span>
       {filmEnd.value !== null && (
         <span class="soft">
-          {beyond ? "beyond the video" : `frame ${Math.floor(frame.value + 1e-4)}${lastFrame()}`}
+          {beyond ? `beyond the ${document.value!.case.kind === "video" ? "video" : "data"}` : `frame ${Math.floor(frame.value + 1e-4)}${lastFrame()}`}
         </span>
       )}
     </p>
