@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -42,7 +42,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Facts:
-    """What the tools say of a scene (`known`), the observed tracks, and the fit's RMSE [m]."""
+    """What the tools say of a scene (`known`), the observed tracks, and the rollout's RMSE beside them [m]."""
 
     known: Known
     tracks: tuple[Track, ...]
@@ -51,22 +51,13 @@ class Facts:
 
 async def facts(call: Caller, scene: Asked, source: Source) -> Facts:
     """Observe or import the scene, fit a planar world, and roll out it and its branches."""
-    case, seen = await _observed(call, scene, source)
-    kinds = {**seen, **named_shapes(seen, scene.questions)}
-    given = [{"name": name, "shape": SHAPES[kind]} for name, kind in kinds.items() if kind in SHAPES]
-    built = await call(
-        "BuildWorld",
-        case=case,
-        **({"objects": given} if given else {}),
-        seconds_per_frame=SECONDS_PER_FRAME,
-        representation="planar",
-        effects=[{"name": "air", "kind": "quadratic_damping"}],
-    )
-    fitted = await call("FitWorld", case=case, world=built["data"]["world"], shared=SHARED)
-    await call("CommitWorld", case=case, world=fitted["data"]["world"], even_if_failed=True)
+    given = scene.video if source == "video" else scene.annotation
+    opened = await call("OpenCase", **{"video" if source == "video" else "data": str(given)})
+    case = str(opened["case"])
+    if opened["data"]["committed_world"] is None:
+        await _model(call, case, scene, source)
     looked = await call("InspectWorld", case=case)
     things = [thing_of(item) for item in looked["data"]["objects"]]
-    things = [replace(t, shape=kinds.get(t.name, t.shape)) for t in things]
     tracks = tuple([await _track(call, case, t.name) for t in things])
     last = len(tracks[0].places) - 1
     rolled = await call("Rollout", case=case, horizon_frames=last + FUTURE)
@@ -78,7 +69,12 @@ async def facts(call: Caller, scene: Asked, source: Source) -> Facts:
         branch = await call("Rollout", case=case, edits=removed, horizon_frames=last)
         without[thing.name] = await _events(call, branch["data"]["rollout"])
     plane = np.asarray(json.loads(scene.camera.read_text())["H"])
-    motion = {t.name: await _motion(call, rollout, t.name, last, plane) for t in things}
+    motion: dict[str, tuple[NDArray[np.bool_], NDArray[np.bool_]]] = {}
+    missed: list[Floats] = []
+    for track in tracks:
+        places, speeds = await _path(call, rollout, track.name, last)
+        motion[track.name] = _in_view(places, plane), speeds > MOVING
+        missed.append((places - track.places)[~np.isnan(track.places[:, 0])])
     if source == "annotation":  # its world has no camera, and so no entries and exits among its events
         events = sorted([*events, *_passages({n: seen for n, (seen, _) in motion.items()})], key=lambda e: e.frame)
 
@@ -97,21 +93,31 @@ async def facts(call: Caller, scene: Asked, source: Source) -> Facts:
         moving,
         lambda name: without[name],
     )
-    return Facts(known, tracks, float(fitted["data"]["position_rmse"]))
+    return Facts(known, tracks, float(np.sqrt(np.nanmean(np.concatenate(missed) ** 2))))
 
 
-async def _observed(call: Caller, scene: Asked, source: Source) -> tuple[str, dict[str, str]]:
-    """Return the case, and of a video the kinds of shapes that were seen by name."""
+async def _model(call: Caller, case: str, scene: Asked, source: Source) -> None:
+    """Observe or import, build, fit and commit."""
+    shapes: list[dict[str, Any]] = []
     if source == "annotation":
-        path = str(scene.annotation)
-        case = str((await call("OpenCase", data=path))["case"])
-        await call("ImportObservation", case=case, kind="tracks", path=path)
-        return case, {}
-    case = str((await call("OpenCase", video=str(scene.video)))["case"])
-    observed = await call("ObserveObjects", case=case)
-    plane = json.loads(scene.camera.read_text())
-    await call("CalibrateCamera", case=case, homography=plane["H"], plane_z=HALF_SIZE)
-    return case, {str(o["name"]): _kind(o) for o in observed["data"]["objects"]}
+        await call("ImportObservation", case=case, kind="tracks", path=str(scene.annotation))
+    else:
+        observed = await call("ObserveObjects", case=case)
+        plane = json.loads(scene.camera.read_text())
+        await call("CalibrateCamera", case=case, homography=plane["H"], plane_z=HALF_SIZE)
+        seen = {str(o["name"]): _kind(o) for o in observed["data"]["objects"]}
+        kinds = {**seen, **named_shapes(seen, scene.questions)}
+        shapes = [{"name": name, "shape": SHAPES[kind]} for name, kind in kinds.items() if kind in SHAPES]
+    built = await call(
+        "BuildWorld",
+        case=case,
+        **({"objects": shapes} if shapes else {}),
+        seconds_per_frame=SECONDS_PER_FRAME,
+        representation="planar",
+        effects=[{"name": "air", "kind": "quadratic_damping"}],
+    )
+    fitted = await call("FitWorld", case=case, world=built["data"]["world"], shared=SHARED)
+    await call("CommitWorld", case=case, world=fitted["data"]["world"], even_if_failed=True)
 
 
 def _kind(item: dict[str, Any]) -> str:
@@ -153,22 +159,22 @@ async def _track(call: Caller, case: str, name: str) -> Track:
     return Track(name, places)
 
 
-async def _motion(
-    call: Caller, rollout: str, name: str, last: int, plane: Floats
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Whether an object is in view, and faster than `MOVING`, at each frame up to the last."""
-    wanted = ["frame", "speed", "x", "y"]
-    data = (await call("ReadTrajectory", rollout=rollout, object=name, frames=[0, last], limit=500, fields=wanted))[
-        "data"
-    ]
-    column = {c: n for n, c in enumerate(data["columns"])}
-    seen, fast = np.zeros(last + 1, bool), np.zeros(last + 1, bool)
-    for row in data["rows"]:
+async def _path(call: Caller, rollout: str, name: str, last: int) -> tuple[Floats, Floats]:
+    """Places (T, 2) [m] and speeds (T,) [m/s] of an object at each frame up to the last."""
+    fields = ["frame", "speed", "x", "y"]
+    read = await call("ReadTrajectory", rollout=rollout, object=name, frames=[0, last], limit=500, fields=fields)
+    column = {c: n for n, c in enumerate(read["data"]["columns"])}
+    places, speeds = np.full((last + 1, 2), np.nan), np.zeros(last + 1)
+    for row in read["data"]["rows"]:
         frame = min(round(row[column["frame"]]), last)
-        u, v, depth = plane @ [row[column["x"]], row[column["y"]], 1.0]
-        seen[frame] = depth > 0 and 0 <= u / depth < PICTURE[0] and 0 <= v / depth < PICTURE[1]
-        fast[frame] = row[column["speed"]] > MOVING
-    return seen, fast
+        places[frame] = row[column["x"]], row[column["y"]]
+        speeds[frame] = row[column["speed"]]
+    return places, speeds
+
+
+def _in_view(places: Floats, plane: Floats) -> NDArray[np.bool_]:
+    u, v, depth = plane @ np.column_stack([places, np.ones(len(places))]).T
+    return (depth > 0) & (u >= 0) & (u < PICTURE[0] * depth) & (v >= 0) & (v < PICTURE[1] * depth)
 
 
 def annotated(annotation: dict[str, Any]) -> Known:

@@ -51,8 +51,8 @@ async def _work(scene: Asked, source: Source, run: SceneRun, store: Path | None)
             call = Caller(client)
             try:
                 return await facts(call, scene, source)
-            except RuntimeError as error:
-                run.failed = str(error)[:500]
+            except (RuntimeError, LookupError, ValueError) as error:
+                run.failed = f"{type(error).__name__}: {error}"[:500]
                 return None
             finally:
                 run.calls = call.calls
