@@ -9,11 +9,15 @@ from pathlib import Path
 
 import pytest
 
+from atw_mcp.calls.app import App
 from atw_mcp.calls.error_curve import ErrorCurve
 from atw_mcp.transports.web import web_server
 from atw_mcp.viewer.live.access import Access
 from atw_mcp.viewer.live.site import Site, address
+from atw_mcp.worlds.rollouts import compute_rollout
 from evidence_store import Answer, Evidence, EvidenceStore
+from polyworld.edits.interventions import Remove, branch
+from tests.atw_mcp.two_discs import FRAME, two_discs
 from tests.atw_mcp.viewer.conftest import Pages
 
 TOKEN = "token-of-this-test"
@@ -69,3 +73,33 @@ def test_page_follows_work_and_answers_of_another_process(url: str, pages: Pages
     page.wait_for_selector('[data-question="will it bounce?"][data-answer="true"]')
     page.wait_for_selector("[data-running]", state="detached")
     assert page.query_selector("main[data-kept=yes]") is not None, "the page itself was not loaded again"
+
+
+def test_page_follows_to_the_committed_world_until_a_person_chooses(
+    url: str, pages: Pages, writer: EvidenceStore
+) -> None:
+    app = App(writer.path)
+    case, draft = app.store.cases.get("ball"), two_discs()
+    better = branch(draft, [Remove(object="target")])  # any other world
+    for world in (draft, better):
+        app.keep_world(case, world, how="built")
+    runs = {world.id: compute_rollout(app, world, 3 * FRAME)[0] for world in (draft, better)}
+
+    def used(world: str) -> str:
+        row = Evidence("Rollout", {}, case="ball", world=world, rollout=runs[world], summary="run")
+        return writer.evidence.add(row).id
+
+    for world in (better, draft):
+        used(world.id)
+    app.close()
+    page = pages.open(url)
+    shown = "document.querySelector('[name=rollout]').value"
+    assert page.evaluate(shown) == runs[draft.id], "the latest while none is committed"
+    writer.cases.commit_world("ball", better.id)
+    page.wait_for_selector("[name=rollout] option:checked:has-text('committed')", state="attached")
+    assert page.evaluate(shown) == runs[better.id]
+    page.select_option("[name=rollout]", runs[draft.id])
+    row = used(better.id)
+    writer.cases.add_answer("ball", Answer("will it bounce?", "true", None, (row,), ""))
+    page.wait_for_selector('[data-question="will it bounce?"][data-answer="true"]')
+    assert page.evaluate(shown) == runs[draft.id], "what a person chose stays"

@@ -1,6 +1,7 @@
 // What is shown now: one clock, one or two rollouts, one chosen object. Panels read and write these signals only.
-import { computed, effect, signal } from "@preact/signals";
+import { batch, computed, effect, signal } from "@preact/signals";
 import type { Running, RolloutView, WorldView } from "./document";
+import { defaults, type Pair } from "./defaults";
 import type { Opened } from "./unpack";
 
 export type Layout = "one" | "side" | "ghost";
@@ -83,21 +84,34 @@ export function lastTime(r: RolloutView): number {
   return times.length ? times[times.length - 1]! : 0;
 }
 
-/** Show a document: keep what was chosen where it still exists. */
+/** What the last document was opened with, where the viewer chose that; null where a person or a tool's result did. */
+let proposed: Pair | null = null;
+
+/**
+ * Show a document: keep what a person chose where it still exists; else follow to the committed world and the branch
+ * that the latest answer rests on.
+ */
 export function show(next: Opened): void {
-  const before = { chosen: chosen.value, compared: compared.value };
-  opened.value = next;
   const doc = next.document;
   const exists = (id: string | null | undefined) => doc.rollouts.some((r) => r.id === id);
-  if (!exists(before.chosen)) {
-    const base = doc.rollouts.findLast((r) => r.edits.length === 0) ?? doc.rollouts.at(-1);
-    chosen.value = exists(doc.shown[0]) ? doc.shown[0]! : (base?.id ?? null);
-  }
-  if (!exists(before.compared)) {
-    const branch = doc.rollouts.findLast((r) => r.edits.length > 0 && r.id !== chosen.value);
-    compared.value = exists(doc.shown[1]) ? doc.shown[1]! : (branch?.id ?? null);
-    if (doc.shown.length > 1 && compared.value) layout.value = "ghost";
-  }
+  const wanted = defaults(doc);
+  const first = opened.value === null;
+  const follows = proposed?.chosen === chosen.value && proposed?.compared === compared.value;
+  batch(() => {
+    opened.value = next;
+    if (first && exists(doc.shown[0])) {
+      chosen.value = doc.shown[0]!;
+      const beside = wanted.compared === chosen.value ? wanted.chosen : wanted.compared;
+      compared.value = exists(doc.shown[1]) ? doc.shown[1]! : beside;
+      if (doc.shown.length > 1 && compared.value) layout.value = "ghost";
+      return;
+    }
+    if (first || follows || !exists(chosen.value)) chosen.value = wanted.chosen;
+    if (first || follows || !exists(compared.value)) compared.value = wanted.compared;
+    if (compared.value === chosen.value) compared.value = null;
+    if (compared.value === null) layout.value = "one";
+    if (first || follows) proposed = wanted;
+  });
 }
 
 export function seek(t: number): void {

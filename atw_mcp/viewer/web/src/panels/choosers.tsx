@@ -94,7 +94,7 @@ function Ended({ rollout: r }: { rollout: RolloutView }) {
   );
 }
 
-/** Labels of rollouts, with the horizon and then the id where two are alike, and how they ended. */
+/** Labels of rollouts, with the horizon and then the id where two are alike, whether committed, and how they ended. */
 export function titled(all: RolloutView[]): Map<string, string> {
   const label = (r: RolloutView) => r.label;
   const longer = (r: RolloutView) => `${r.label}, ${digits(r.horizon)} s`;
@@ -103,7 +103,8 @@ export function titled(all: RolloutView[]): Map<string, string> {
   return new Map(
     all.map((r) => {
       const text = unique(label, r) ? label(r) : unique(longer, r) ? longer(r) : `${longer(r)}, ${r.id}`;
-      return [r.id, r.status === "completed" ? text : `${text} (${r.status})`];
+      const committed = r.world === document.value?.case.committed_world ? " · committed" : "";
+      return [r.id, text + committed + (r.status === "completed" ? "" : ` (${r.status})`)];
     }),
   );
 }
