@@ -11,6 +11,7 @@ from atw_mcp.viewer.colors import distinct_colors
 from atw_mcp.viewer.comparisons import comparisons_view
 from atw_mcp.viewer.effects import without_push
 from atw_mcp.viewer.fits import fit_views
+from atw_mcp.viewer.following import chances, followings
 from atw_mcp.viewer.gaps import gap_views
 from atw_mcp.viewer.lineage import provenance
 from atw_mcp.viewer.observed import observed_view, run_view, tracks_view
@@ -81,6 +82,7 @@ def _case_view(read: CaseRecords) -> view.CaseView:
                 confidence=a.confidence,
                 evidence=list(a.evidence),
                 missing=a.missing,
+                chances=chances(read.store, a.evidence),
             )
             for a in answers
         ],
@@ -125,6 +127,7 @@ def _of_record(read: CaseRecords, record: TrackRecord, frame: object, blocks: Bl
 
 def _worlds(read: CaseRecords, blocks: Blocks, colors: dict[str, str]) -> list[view.WorldView]:
     labels = read.world_labels()
+    judged = followings(read.store, read.case.id)
     return [
         world_view(
             world,
@@ -135,6 +138,7 @@ def _worlds(read: CaseRecords, blocks: Blocks, colors: dict[str, str]) -> list[v
             parent=read.descents[identifier].parent if identifier in read.descents else None,
             committed=identifier == read.case.committed_world,
             runs=[result.trajectory for result in read.rollouts.values() if result.world_id == identifier],
+            follows=judged.get(identifier),
         )
         for identifier, world in read.worlds.items()
     ]

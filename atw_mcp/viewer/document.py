@@ -33,6 +33,16 @@ class Block(Part):
 # --- the case ---
 
 
+class Chance(Part):
+    """The probability of a statement that an ensemble was asked about."""
+
+    evidence: str
+    statement: str = Field(description="in words")
+    probability: float = Field(description="that it is true")
+    interval90: Interval | None
+    less_sure_because: str = Field(description="why it is nearer to chance than the count; empty where it is not")
+
+
 class Answer(Part):
     """An answer to a question of the case."""
 
@@ -41,6 +51,7 @@ class Answer(Part):
     confidence: float | None
     evidence: list[str] = Field(description="ids of the evidence it rests on")
     missing: str = Field(description="why it is unresolved; empty where it is not")
+    chances: list[Chance] = Field(default=[], description="of its evidence")
 
 
 class Binding(Part):
@@ -296,6 +307,16 @@ class CameraView(Part):
     translation: Vector
 
 
+class Following(Part):
+    """How well a world follows the data that it was fitted to."""
+
+    evidence: str = Field(description="id of the FitWorld or ModelVideo that judged it")
+    verdict: Literal["good", "doubtful", "poor", "failed"]
+    rms: float | None = Field(description="root mean square distance on the data fitted [m]")
+    rms_held_out: float | None = Field(description="the same on data held out of the fit [m]")
+    doubts: list[str] = Field(description="what is wrong or doubtful, worst first")
+
+
 class WorldView(Part):
     """A world."""
 
@@ -316,6 +337,7 @@ class WorldView(Part):
     effects: list[EffectMark]
     floor: Plane | None = Field(description="the plane that planar objects slide on; null where there is none")
     parameters: list[Value] = Field(description="of objects, joints, effects: ball.mass, ...")
+    follows: Following | None = Field(default=None, description="null where no fit made it")
 
 
 # --- rollouts ---

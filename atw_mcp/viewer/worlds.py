@@ -39,8 +39,10 @@ def world_view(
     parent: str | None,
     committed: bool,
     runs: Sequence[Trajectory] = (),
+    follows: view.Following | None = None,
 ) -> view.WorldView:
-    """Return a world; colors: of its moving objects, by name; runs: of it, whose objects say where fields are shown."""
+    """Return a world; colors: of its moving objects, by name; runs: of it, whose objects say where fields are shown;
+    follows: how well it follows the data that it was fitted to."""
     camera = world.camera
     return view.WorldView(
         id=world.id,
@@ -48,6 +50,7 @@ def world_view(
         origin=origin,
         parent=parent,
         committed=committed,
+        follows=follows,
         planar=world.planar,
         seconds_per_frame=world.time.seconds_per_frame,
         frame_count=world.time.frame_count,

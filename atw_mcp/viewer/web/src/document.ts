@@ -10,6 +10,8 @@ export interface Answer {
   evidence: string[];
   /** why it is unresolved; empty where it is not */
   missing: string;
+  /** of its evidence */
+  chances: Chance[];
 }
 
 /** The meaning of a name in a question. */
@@ -73,6 +75,18 @@ export interface CaseView {
   answers: Answer[];
   bindings: Binding[];
   committed_world: string | null;
+}
+
+/** The probability of a statement that an ensemble was asked about. */
+export interface Chance {
+  evidence: string;
+  /** in words */
+  statement: string;
+  /** that it is true */
+  probability: number;
+  interval90: (number | null)[] | null;
+  /** why it is nearer to chance than the count; empty where it is not */
+  less_sure_because: string;
 }
 
 /** Two rollouts compared. */
@@ -241,6 +255,19 @@ export interface FittedParameter {
   logarithmic: boolean;
   /** why the data do not determine it; empty where they do */
   note: string;
+}
+
+/** How well a world follows the data that it was fitted to. */
+export interface Following {
+  /** id of the FitWorld or ModelVideo that judged it */
+  evidence: string;
+  verdict: "good" | "doubtful" | "poor" | "failed";
+  /** root mean square distance on the data fitted [m] */
+  rms: number | null;
+  /** the same on data held out of the fit [m] */
+  rms_held_out: number | null;
+  /** what is wrong or doubtful, worst first */
+  doubts: string[];
 }
 
 /** Residuals of one kind of one object in one run, before an effect was added and after. */
@@ -552,6 +579,8 @@ export interface WorldView {
   floor: Plane | null;
   /** of objects, joints, effects: ball.mass, ... */
   parameters: Value[];
+  /** null where no fit made it */
+  follows: Following | null;
 }
 
 /** Everything that the viewer shows of one case. */

@@ -4,6 +4,7 @@ import { digits } from "../format";
 import { Icon } from "../icons";
 import { helpOpen } from "../keys";
 import { document, evidence, live, lost, record, tab } from "../state";
+import { Chances, Doubt, Trust } from "./trust";
 import { preference, type Preference } from "../theme";
 import { Agreement } from "./agreement";
 import "./head.css";
@@ -34,6 +35,7 @@ export function Head() {
           <b aria-hidden="true">?</b>
         </button>
       </div>
+      <Trust />
       {rows.length > FOLDED_ABOVE ? (
         <details>
           <summary>
@@ -72,6 +74,8 @@ function Row({ question, answer }: { question: string; answer: Answer | null }) 
               {digits(answer.confidence, 2)}
             </span>
           )}
+          <Chances answer={answer} />
+          {settled !== null && <Doubt />}
           {answer.missing && <span>{answer.missing}</span>}
           {answer.evidence.length > 0 && <span>evidence</span>}
           {answer.evidence.map((id) => (

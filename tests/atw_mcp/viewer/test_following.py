@@ -1,0 +1,34 @@
+"""The page is told how well a world follows its data, and what an ensemble says of the statements of an answer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from atw_mcp.viewer.following import chances, followings
+from evidence_store import Evidence, EvidenceStore
+
+
+def test_worse_of_two_verdicts_and_probabilities_of_members(tmp_path: Path) -> None:
+    store = EvidenceStore(tmp_path / "atw.db")
+    store.cases.add("ball", content="described", kind="data", path="", facts={})
+
+    def add(tool: str, **data: Any) -> str:
+        return store.evidence.add(Evidence(tool, {}, case="ball", payload={"data": data})).id
+
+    add("FitWorld", world="a", verdict="good", why="", warnings=[], accuracy={"position_rmse": 0.01}, held_out=None)
+    fit = add("FitWorld", world="b", verdict="poor", why="off", warnings=[], accuracy=None, held_out=None)
+    video = add("ModelVideo", world="a", verdict="does_not_follow", doubts=["the ball is 0.13 m off"])
+    add("ModelVideo", world="b", verdict="follows_with_doubts", doubts=[])
+    found = followings(store, "ball")
+    assert (found["a"].verdict, found["a"].rms, found["a"].evidence) == ("poor", 0.01, video)
+    assert found["a"].doubts == ["the ball is 0.13 m off"]
+    assert (found["b"].verdict, found["b"].rms, found["b"].evidence) == ("poor", None, fit)
+    predicate = {"predicate": "collides", "a": "red_ball", "b": "wall"}
+    about = {"probability": 0.93, "probability_interval": [0.85, 0.97], "less_sure_because": None}
+    alone = add("QueryWorld", predicate=predicate, ensemble=None)
+    asked = add("QueryWorld", answers=[{"predicate": predicate, "ensemble": about}, {"predicate": predicate}])
+    (chance,) = chances(store, ["ev-999", fit, alone, asked])
+    assert (chance.evidence, chance.statement) == (asked, "red ball collides wall")
+    assert (chance.probability, chance.interval90) == (0.93, [0.85, 0.97])
+    store.close()
