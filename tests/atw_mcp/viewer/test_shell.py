@@ -90,6 +90,8 @@ def test_keys_move_the_clock_by_frames_and_events(page: Page) -> None:
     page.keyboard.press("Escape")
     page.wait_for_selector("dialog", state="hidden")
     page.click("#tab-evidence")
+    assert _press(page, "Shift+ArrowRight") == pytest.approx(GROUND.time), "a clicked button keeps no keys"
+    page.keyboard.press("Home")
     page.fill("[type=search]", "")
     page.press("[type=search]", "ArrowRight")
     assert _time(page) == 0, "an input keeps its keys"

@@ -91,7 +91,9 @@ function look(next: Eye): void {
 
 /** Obey the keys wherever the focus is, except where an element uses them itself. */
 export function listen(): void {
+  giveFocusBack();
   window.addEventListener("keydown", (event) => {
+    if (event.key === "Escape") closeMenus();
     if (event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey || helpOpen.value) return;
     if (event.target instanceof Element && takesKey(event.target, event.key)) return;
     const shifted = event.shiftKey && event.key.startsWith("Arrow") ? "Shift+" : "";
@@ -101,6 +103,28 @@ export function listen(): void {
     event.preventDefault();
     found.run();
   });
+}
+
+/** Take the focus from a button that was clicked with a pointer: its keys would hide those of the page. */
+function giveFocusBack(): void {
+  let pointed = false;
+  window.addEventListener("pointerdown", () => (pointed = true), true);
+  window.addEventListener("keydown", () => (pointed = false), true);
+  window.addEventListener("click", (event) => {
+    if (!(event.target instanceof Element)) return;
+    for (const menu of openMenus()) if (!menu.contains(event.target)) menu.open = false;
+    const button = event.target.closest<HTMLElement>("button, summary, a, input[type=checkbox], [role=button]");
+    if (pointed && button && button === document.activeElement && !button.closest("dialog")) button.blur();
+  });
+}
+
+/** Lists that lie over the page. */
+function openMenus(): HTMLDetailsElement[] {
+  return [...document.querySelectorAll<HTMLDetailsElement>("details.show[open]")];
+}
+
+function closeMenus(): void {
+  for (const menu of openMenus()) menu.open = false;
 }
 
 function takesKey(target: Element, key: string): boolean {

@@ -96,7 +96,7 @@ function Below({ doc }: { doc: ViewDocument }) {
   }, [current.name]);
   const turn = (event: KeyboardEvent) => {
     const step = event.key === "ArrowRight" ? 1 : event.key === "ArrowLeft" ? -1 : 0;
-    if (step === 0) return;
+    if (step === 0 || event.shiftKey) return; // with Shift they step through events
     event.stopPropagation();
     event.preventDefault();
     tab.value = present[(present.indexOf(current) + step + present.length) % present.length]!.name;
