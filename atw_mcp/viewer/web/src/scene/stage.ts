@@ -111,7 +111,10 @@ export class Stage {
     });
   }
 
-  /** Show rollouts; the eye stays where it is, unless nothing was shown before. */
+  /**
+   * Show rollouts. The eye stays where it is, unless nothing was shown before, or the views are laid out otherwise:
+   * then all that both show is fitted into view.
+   */
   show(subjects: Subjects, palette: Palette): void {
     // a document is often replaced by one that says the same of what is shown here
     const key = JSON.stringify([subjects.arrangement, palette, subjects.shown, subjects.other], (name, value) =>
@@ -119,6 +122,7 @@ export class Stage {
     );
     if (key === this.key) return;
     this.key = key;
+    const rearranged = this.subjects !== null && this.subjects.arrangement !== subjects.arrangement;
     this.subjects = subjects;
     this.palette = palette;
     for (const view of this.views) view.dispose();
@@ -132,6 +136,10 @@ export class Stage {
     }
     this.resize();
     this.eyes.look({ extent: extent.box, places: extent.places, normal: planeNormal(opened, shown.world, shown.rollout), camera: shown.world.camera });
+    if (rearranged) {
+      this.eyes.moved = false;
+      this.eyes.reset();
+    }
     for (const view of this.views) view.highlight(this.chosen);
     this.mark();
     this.renderer.setClearColor(palette.background);
