@@ -9,6 +9,7 @@ import {
   followed,
   layout,
   loop,
+  nearestFrame,
   object,
   playing,
   secondsPerFrame,
@@ -62,13 +63,10 @@ export function togglePlay(): void {
   playing.value = !playing.value && duration.value > 0;
 }
 
-/** Go to the beginning of the next frame or of the one before. */
+/** Go to the instant of the next frame or of the one before. */
 export function stepFrame(direction: 1 | -1): void {
   playing.value = false;
-  const frames = time.value / secondsPerFrame.value;
-  const rounding = 1e-4; // frames: a clock set to n * seconds_per_frame counts as frame n
-  const next = direction > 0 ? Math.floor(frames + rounding) + 1 : Math.ceil(frames - rounding) - 1;
-  seek(next * secondsPerFrame.value);
+  seek((nearestFrame.value + direction) * secondsPerFrame.value);
 }
 
 export function changeSpeed(direction: 1 | -1): void {

@@ -71,6 +71,9 @@ export const duration = computed(() => {
 /** Frame of the video at the present time, not rounded. */
 export const frame = computed(() => time.value / secondsPerFrame.value);
 
+/** The frame nearest to the present time, which the film shows and all panels name; beyond the last after the video. */
+export const nearestFrame = computed(() => Math.round(frame.value));
+
 export function rolloutOf(id: string | null): RolloutView | null {
   return document.value?.rollouts.find((r) => r.id === id) ?? null;
 }

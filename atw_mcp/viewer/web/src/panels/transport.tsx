@@ -1,10 +1,10 @@
 // Play, steps, speed, loop, and what time it is.
 import { useComputed } from "@preact/signals";
 import { happening, stepEvent, visibleLanes } from "../events";
-import { digits } from "../format";
+import { moment } from "../format";
 import { Icon, type IconName } from "../icons";
 import { SPEEDS, stepFrame, togglePlay } from "../keys";
-import { document, duration, filmEnd, frame, loop, playing, secondsPerFrame, seek, speed, time } from "../state";
+import { document, duration, filmEnd, frame, loop, nearestFrame, playing, secondsPerFrame, seek, speed, time } from "../state";
 import "./transport.css";
 
 const FRACTIONS: Record<number, string> = { 0.0625: "1/16", 0.125: "1/8", 0.25: "1/4", 0.5: "1/2" };
@@ -70,14 +70,14 @@ function Button({ icon, label, run }: { icon: IconName; label: string; run: () =
 
 /** The time in seconds and as a frame of the video. */
 function Clock() {
-  const beyond = filmEnd.value !== null && time.value > filmEnd.value + secondsPerFrame.value;
+  const beyond = filmEnd.value !== null && nearestFrame.value > Math.round(filmEnd.value / secondsPerFrame.value);
   return (
     <p class="clock number" data-time={time.value} data-frame={frame.value}>
       <b>{time.value.toFixed(3)} s</b>
-      <span class="soft length">of {digits(duration.value)} s</span>
+      <span class="soft length">of {moment(duration.value)}</span>
       {filmEnd.value !== null && (
         <span class="soft">
-          {beyond ? `beyond the ${document.value!.case.kind === "video" ? "video" : "data"}` : `frame ${Math.floor(frame.value + 1e-4)}${lastFrame()}`}
+          {beyond ? `beyond the ${document.value!.case.kind === "video" ? "video" : "data"}` : `frame ${nearestFrame.value}${lastFrame()}`}
         </span>
       )}
     </p>

@@ -5,6 +5,7 @@ import { words } from "../../format";
 import {
   duration,
   frame,
+  nearestFrame,
   object,
   other,
   otherWorld,
@@ -73,7 +74,7 @@ export class Stage {
   private readonly count: number;
   /** The frame shown: the one on screen while there is one, else the one nearest to the clock, also beyond the video. */
   private readonly place = computed(() => {
-    const nearest = Math.round(frame.value);
+    const nearest = nearestFrame.value;
     return nearest > this.count - 1 ? nearest : (this.player.value?.frame.value ?? nearest);
   });
   /** Counts outlines of the world that came in after they were asked for. */
