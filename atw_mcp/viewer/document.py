@@ -317,6 +317,24 @@ class Following(Part):
     doubts: list[str] = Field(description="what is wrong or doubtful, worst first")
 
 
+class Deformed(Part):
+    """Points of a deformable object."""
+
+    name: str
+    points: Block = Field(description="float32 (T, k, 3) [m], NaN for particles that are not there")
+
+
+class Start(Part):
+    """All objects of a world where they begin: one sample, as of a rollout."""
+
+    names: list[str] = Field(description="all of the world's moving objects")
+    times: Block = Field(description="float32 (1,), 0")
+    positions: Block = Field(description="float32 (1, n, 3) [m], NaN where the world does not say where")
+    orientations: Block = Field(description="float32 (1, n, 4) w, x, y, z")
+    active: Block = Field(description="uint8 (1, n), all 1: those too that join the world later")
+    deformed: list[Deformed]
+
+
 class WorldView(Part):
     """A world."""
 
@@ -338,6 +356,7 @@ class WorldView(Part):
     floor: Plane | None = Field(description="the plane that planar objects slide on; null where there is none")
     parameters: list[Value] = Field(description="of objects, joints, effects: ball.mass, ...")
     follows: Following | None = Field(default=None, description="null where no fit made it")
+    start: Start | None = Field(default=None, description="null where a rollout of it is shown, which has its start")
 
 
 # --- rollouts ---
@@ -350,13 +369,6 @@ class Quantity(Part):
     object: str
     unit: str
     values: Block = Field(description="float32 (T,)")
-
-
-class Deformed(Part):
-    """Points of a deformable object."""
-
-    name: str
-    points: Block = Field(description="float32 (T, k, 3) [m], NaN for particles that are not there")
 
 
 class EventMark(Part):

@@ -125,7 +125,9 @@ def read_case(store: EvidenceStore, identifier: str, first: Sequence[str] = ()) 
     if not read.worlds:
         read.missing.append("The case has no world yet.")
     elif not read.rollouts:
-        read.missing.append("No rollout of the case's worlds is stored yet.")
+        read.missing.append(
+            "No rollout of this case's world is stored yet: the tool Rollout makes one. It is shown at its start."
+        )
     return read
 
 

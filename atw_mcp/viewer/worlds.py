@@ -12,12 +12,13 @@ from atw_mcp.viewer.colors import hex_color
 from atw_mcp.viewer.effects import effect_marks
 from atw_mcp.viewer.packing import Blocks
 from atw_mcp.viewer.shapes import shape_view
+from atw_mcp.viewer.starts import start_of, start_view
 from atw_mcp.worlds.marks import held_nodes
 from polyworld.model import mesh_of
 from polyworld.pictures.rigid_pictures import STATIC_COLOR
 from polyworld.probing.readouts.rope_line import rope_line
 from polyworld.solver.energy_sources import points_masses
-from polyworld.trajectory import PointMotion, Trajectory
+from polyworld.trajectory import Trajectory
 from polyworld.world import Deformable, World, geometry
 from polyworld.world.colors import display_color
 from polyworld.world.materials import Form, material_of
@@ -88,6 +89,7 @@ def world_view(
         effects=effect_marks(world, runs, blocks),
         floor=_floor(world),
         parameters=_parameters(world),
+        start=None if runs else start_view(world, blocks),
     )
 
 
@@ -119,19 +121,7 @@ def _deformable(world: World, item: Deformable, blocks: Blocks, color: str) -> v
 
 def _line_points(world: World, name: str) -> int:
     """Count the points of a rope's line, which over pulleys has more than its nodes."""
-    nodes = mesh_of(world, world.deformable(name)).nodes
-    n = len(world.objects)
-    start = Trajectory(
-        names=world.moving_names,
-        times=np.zeros(1),
-        positions=np.array([[o.position for o in world.objects]], dtype=float).reshape(1, n, 3),
-        orientations=np.array([[o.orientation for o in world.objects]], dtype=float).reshape(1, n, 4),
-        velocities=np.zeros((1, n, 3)),
-        angular_velocities=np.zeros((1, n, 3)),
-        active=np.ones((1, n), dtype=bool),
-        deformables={name: PointMotion(nodes[None], np.zeros((1, *nodes.shape)))},
-    )
-    return int(rope_line(world, start, name).shape[-2])
+    return int(rope_line(world, start_of(world, [name]), name).shape[-2])
 
 
 def _joints(world: World) -> list[view.JointMark]:

@@ -520,6 +520,21 @@ export interface Sphere {
   radius: number;
 }
 
+/** All objects of a world where they begin: one sample, as of a rollout. */
+export interface Start {
+  /** all of the world's moving objects */
+  names: string[];
+  /** float32 (1,), 0 */
+  times: Block;
+  /** float32 (1, n, 3) [m], NaN where the world does not say where */
+  positions: Block;
+  /** float32 (1, n, 4) w, x, y, z */
+  orientations: Block;
+  /** uint8 (1, n), all 1: those too that join the world later */
+  active: Block;
+  deformed: Deformed[];
+}
+
 /** A fixed solid. */
 export interface Static {
   name: string;
@@ -581,6 +596,8 @@ export interface WorldView {
   parameters: Value[];
   /** null where no fit made it */
   follows: Following | null;
+  /** null where a rollout of it is shown, which has its start */
+  start: Start | null;
 }
 
 /** Everything that the viewer shows of one case. */

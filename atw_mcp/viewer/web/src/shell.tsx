@@ -46,7 +46,7 @@ export function Shell() {
       </p>
     );
   const film = doc.film !== null || doc.observed !== null;
-  const scene = doc.worlds.length > 0;
+  const scene = doc.worlds.length + doc.tracks.length > 0;
   return (
     <main class="shell">
       <div class="top">
@@ -54,7 +54,7 @@ export function Shell() {
         <Head />
         <Notices />
       </div>
-      {scene && <Choosers />}
+      {doc.worlds.length > 0 && <Choosers />}
       <div class="stage" data-cells={Number(film) + Number(scene)} data-layout={layout.value}>
         {film && (
           <div class="cell">
@@ -74,7 +74,7 @@ export function Shell() {
           <Timeline />
         </div>
       )}
-      {scene && (
+      {doc.worlds.length > 0 && (
         <aside class="side" aria-label="objects">
           <Objects />
         </aside>

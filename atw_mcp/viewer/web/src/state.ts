@@ -1,6 +1,6 @@
 // What is shown now: one clock, one or two rollouts, one chosen object. Panels read and write these signals only.
 import { batch, computed, effect, signal } from "@preact/signals";
-import type { Running, RolloutView, WorldView } from "./document";
+import type { Running, RolloutView, Tracks, WorldView } from "./document";
 import { defaults, type Pair } from "./defaults";
 import type { Opened } from "./unpack";
 
@@ -31,6 +31,9 @@ export const playing = signal(false);
 export const speed = signal(1);
 export const loop = signal(true);
 
+/** Which of the measured runs is shown beside, or without, a rollout. */
+export const observedRun = signal(0);
+
 /** Name of the chosen object: highlighted, its series shown. */
 export const object = signal<string | null>(null);
 /** Name of the object that the orbiting eye follows. */
@@ -48,7 +51,11 @@ export const document = computed(() => opened.value?.document ?? null);
 export const running = computed(() => progressing.value ?? document.value?.running ?? []);
 export const rollout = computed(() => rolloutOf(chosen.value));
 export const other = computed(() => (layout.value === "one" ? null : rolloutOf(compared.value)));
-export const world = computed(() => worldOf(rollout.value?.world ?? null));
+/** The world of the rollout shown; without a rollout the committed one, else the latest. */
+export const world = computed(() => {
+  const worlds = document.value?.worlds ?? [];
+  return rollout.value ? worldOf(rollout.value.world) : (worlds.findLast((w) => w.committed) ?? worlds.at(-1) ?? null);
+});
 export const otherWorld = computed(() => worldOf(other.value?.world ?? null));
 
 /** Time from one frame of the video to the next [s]; without a world that says it, that of 25 frames a second. */
@@ -62,10 +69,17 @@ export const filmEnd = computed(() => {
   return frames > 0 ? (frames - 1) * secondsPerFrame.value : null;
 });
 
+/** Measured positions of the run chosen; null where there are none. */
+export const track = computed(() => document.value?.tracks[observedRun.value] ?? document.value?.tracks[0] ?? null);
+
+/** Measured positions that belong into the scene: without a rollout, or with one that is meant to follow them. */
+export const followedTrack = computed(() => (!rollout.value || rollout.value.misfits.length ? track.value : null));
+
 /** Length of what is shown [s]. */
 export const duration = computed(() => {
   const shown = [rollout.value, other.value].filter((r) => r !== null);
-  return shown.length ? Math.max(...shown.map(lastTime)) : (filmEnd.value ?? 0);
+  if (shown.length) return Math.max(...shown.map(lastTime));
+  return Math.max(filmEnd.value ?? 0, track.value ? lastTime(track.value) : 0);
 });
 
 /** Frame of the video at the present time, not rounded. */
@@ -82,7 +96,7 @@ export function worldOf(id: string | null): WorldView | null {
   return document.value?.worlds.find((w) => w.id === id) ?? null;
 }
 
-export function lastTime(r: RolloutView): number {
+export function lastTime(r: RolloutView | Tracks): number {
   const times = opened.value!.floats(r.times);
   return times.length ? times[times.length - 1]! : 0;
 }
@@ -96,6 +110,7 @@ let proposed: Pair | null = null;
  */
 export function show(next: Opened): void {
   const doc = next.document;
+  if (observedRun.value >= doc.tracks.length) observedRun.value = 0;
   const exists = (id: string | null | undefined) => doc.rollouts.some((r) => r.id === id);
   const wanted = defaults(doc);
   const first = opened.value === null;

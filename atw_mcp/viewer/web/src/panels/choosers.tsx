@@ -14,7 +14,7 @@ const LAYOUTS: { value: Layout; title: string; hint: string }[] = [
 
 export function Choosers() {
   const all = document.value!.rollouts;
-  if (all.length === 0) return <p class="choosers soft">No rollout of this case has been stored yet.</p>;
+  if (all.length === 0) return null; // a notice says so
   const titles = titled(all);
   return (
     <section class="choosers" aria-label="rollouts">

@@ -8,7 +8,7 @@ import { document, followed, object, otherWorld, rollout, world, worldOf } from 
 import "./objects.css";
 
 export function Objects() {
-  const shown = world.value ?? document.value?.worlds.at(-1); // without a rollout, the latest world's
+  const shown = world.value;
   if (!shown) return null;
   const branch = otherWorld.value;
   const added = branch?.moving.filter((m) => !has(shown, m.name)) ?? [];

@@ -9,17 +9,32 @@ import { Stage, type Statistics } from "../scene/stage";
 import { videoFrame } from "../scene/eyes";
 import { roundLength } from "../scene/floor";
 import { CUT, type EffectKey, type Scale } from "../scene/pushes";
+import { atStart, NO_WORLD } from "../scene/start";
 import type { Shown } from "../scene/view";
-import { eye, followed, layout, object, opened, other, otherWorld, rollout, time, world, type Eye } from "../state";
+import {
+  eye,
+  followed,
+  followedTrack,
+  layout,
+  object,
+  opened,
+  other,
+  otherWorld,
+  rollout,
+  time,
+  world,
+  type Eye,
+} from "../state";
 import "./scene.css";
 
-const shown = signal<Shown>({ names: true, trails: true, joints: true, effects: true, events: true });
+const shown = signal<Shown>({ names: true, trails: true, joints: true, effects: true, events: true, observed: true });
 const SWITCHES: { key: keyof Shown; title: string }[] = [
   { key: "names", title: "Names" },
   { key: "trails", title: "Paths" },
   { key: "joints", title: "Joints and regions" },
   { key: "effects", title: "Effects" },
   { key: "events", title: "Events" },
+  { key: "observed", title: "Observed positions" },
 ];
 const EYES: { value: Eye; title: string; hint: string }[] = [
   { value: "orbit", title: "Orbit", hint: "Turn freely (O): drag, or arrow keys; +, − to zoom, Shift to move" },
@@ -200,19 +215,21 @@ function start(host: HTMLElement, labels: HTMLElement): () => void {
     effect(() => {
       const [doc, here, there] = [opened.value, world.value, otherWorld.value];
       if (!doc) return;
-      const last = here ?? doc.document.worlds.at(-1);
-      if (!last) return;
+      const [run, tracks] = [rollout.value, followedTrack.value];
+      const last = here ?? NO_WORLD;
       const compared = other.value && there ? { world: there, rollout: other.value } : null;
       made.show(
         {
           opened: doc,
-          shown: { world: last, rollout: here ? rollout.value : null },
+          shown: { world: last, rollout: run ?? atStart(last) },
           other: compared,
           arrangement: compared ? layout.value : "one",
+          tracks,
         },
         palette(),
       );
       const missing = [...new Set(made.views.flatMap((v) => v.missing))];
+      if (!run && here) missing.unshift(`not run yet: objects of “${here.label}” are where they begin`);
       const first = made.views[0];
       const grid = first ? `grid ${quantity(first.cell, "m", 1)} ${first.gridNote}` : "";
       const keys = made.views.flatMap((v) => v.keys);
@@ -247,7 +264,7 @@ function drawn(made: Stage): void {
   const round = roundLength(BAR * metres);
   const view = made.camera;
   const next: Over = {
-    axes: axesOf(camera, world.value?.gravity ?? [0, 0, 0]),
+    axes: axesOf(camera, world.value?.gravity ?? null),
     bar: { pixels: Math.round((10 * round) / metres) / 10, text: quantity(round, "m", 1) },
     windows: made.views.map((_, i) => made.window(i)),
     frame: made.eyes.kind === "video" && view ? videoFrame(view, first.width, first.height) : null,

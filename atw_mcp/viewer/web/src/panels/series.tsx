@@ -5,7 +5,7 @@ import { useEffect, useRef } from "preact/hooks";
 import type { RolloutView } from "../document";
 import { digits, moment, unitText, words } from "../format";
 import { legible } from "../legible";
-import { document, duration, object, other, otherWorld, rollout, time, world } from "../state";
+import { document, duration, object, observedRun as run, other, otherWorld, rollout, time, track, world } from "../state";
 import { dark } from "../theme";
 import {
   holders,
@@ -27,7 +27,6 @@ const AT_FIRST = 3;
 const measureName = signal("speed");
 /** Names added to the chosen object. */
 const pinned = signal<ReadonlySet<string>>(new Set());
-const run = signal(0);
 /** Moment under the pointer [s]. */
 const pointed = signal<number | null>(null);
 
@@ -36,7 +35,6 @@ const rollouts = computed(() => {
   return found[0]?.id === found[1]?.id ? found.slice(0, 1) : found;
 });
 const tracks = computed(() => document.value?.tracks ?? []);
-const track = computed(() => tracks.value[run.value] ?? tracks.value[0] ?? null);
 const choices = computed(() => measures(rollouts.value, tracks.value));
 const measure = computed(() => choices.value.find((m) => m.name === measureName.value) ?? choices.value[0] ?? null);
 const names = computed(() => (measure.value ? holders(measure.value, rollouts.value, tracks.value) : []));

@@ -13,20 +13,21 @@ interface Arm {
 export interface AxesOf {
   arms: Arm[];
   gravity: Arm | null;
-  strength: number;
+  /** [m/s^2]; null: not known. */
+  strength: number | null;
 }
 
-/** gravity [m/s^2] */
-export function axesOf(camera: Camera, gravity: readonly number[]): AxesOf {
+/** gravity [m/s^2]; null: not known, there is no world. */
+export function axesOf(camera: Camera, gravity: readonly number[] | null): AxesOf {
   const seen = (v: Vector3, name: string): Arm => {
     v.transformDirection(camera.matrixWorldInverse);
     const round = (a: number) => Math.round(200 * a) / 200;
     return { name, x: round(v.x), y: round(-v.y), depth: round(v.z) };
   };
-  const strength = Math.hypot(...gravity);
+  const strength = gravity && Math.hypot(...gravity);
   return {
     arms: [seen(new Vector3(1, 0, 0), "x"), seen(new Vector3(0, 1, 0), "y"), seen(new Vector3(0, 0, 1), "z")],
-    gravity: strength > 0 ? seen(new Vector3().fromArray(gravity as number[]), "g") : null,
+    gravity: strength ? seen(new Vector3().fromArray(gravity as number[]), "g") : null,
     strength,
   };
 }
@@ -37,7 +38,7 @@ const SIDE = 84;
 export function Axes({ arms, gravity, strength }: AxesOf) {
   const order = [...arms].sort((a, b) => a.depth - b.depth);
   return (
-    <figure class="axes" aria-label={`axes; gravity ${quantity(strength, "m/s^2")}`}>
+    <figure class="axes" aria-label={strength === null ? "axes" : `axes; gravity ${quantity(strength, "m/s^2")}`}>
       <svg viewBox={`${-SIDE / 2} ${-SIDE / 2} ${SIDE} ${SIDE}`} width={SIDE} height={SIDE} aria-hidden="true">
         {gravity && (
           <g class="g">
@@ -54,7 +55,7 @@ export function Axes({ arms, gravity, strength }: AxesOf) {
           </g>
         ))}
       </svg>
-      <figcaption>{gravity ? `g ${quantity(strength, "m/s^2", 3)}` : "no gravity"}</figcaption>
+      <figcaption>{strength === null ? "" : strength > 0 ? `g ${quantity(strength, "m/s^2", 3)}` : "no gravity"}</figcaption>
     </figure>
   );
 }

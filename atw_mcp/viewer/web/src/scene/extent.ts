@@ -1,6 +1,6 @@
 // How much space a motion takes.
 import { Box3, Quaternion, Vector3, Vector4 } from "three";
-import type { RolloutView, Static, WorldView } from "../document";
+import type { RolloutView, Static, Tracks, WorldView } from "../document";
 import type { Opened } from "../unpack";
 import { boundingRadius } from "./shapes";
 
@@ -22,11 +22,20 @@ export interface Extent {
   places: Vector4[];
 }
 
-export function extentOf(opened: Opened, world: WorldView, rollout: RolloutView | null): Extent {
+export function extentOf(opened: Opened, world: WorldView, rollout: RolloutView | null, tracks: Tracks | null = null): Extent {
   const places: Vector4[] = [];
   const box = rollout ? motion(opened, world, rollout, places) : new Box3();
   const seen = places.filter(({ x, y, z }) => box.containsPoint(new Vector3(x, y, z)));
   const point = new Vector3();
+  if (tracks) {
+    const measured = opened.floats(tracks.positions);
+    for (let i = 0; i + 2 < measured.length; i += 3) {
+      const [x, y, z] = [measured[i]!, measured[i + 1]!, measured[i + 2]!];
+      if (!Number.isFinite(x + y + z)) continue;
+      box.expandByPoint(point.set(x, y, z));
+      seen.push(new Vector4(x, y, z, 0));
+    }
+  }
   const marks = new Box3();
   for (const { lower, upper } of world.regions) {
     marks.expandByPoint(point.fromArray(lower)).expandByPoint(point.fromArray(upper));

@@ -22,6 +22,15 @@ export function moment(times: Float32Array, t: number): Moment {
   return { at: low, next: high, part: (t - times[low]!) / (times[high]! - times[low]!) };
 }
 
+/** Index of the measurement at `t` [s], within half the spacing about it; -1 where there is none. Times ascend. */
+export function nearestMeasurement(times: Float32Array, t: number): number {
+  if (!times.length) return -1;
+  const { at, next, part } = moment(times, t);
+  const nearest = part > 0.5 ? next : at;
+  const spacing = times[Math.max(nearest, 1)]! - times[Math.max(nearest, 1) - 1]!;
+  return !(Math.abs(times[nearest]! - t) > spacing / 2 + 1e-6) ? nearest : -1; // alone, it has no spacing
+}
+
 /**
  * Write `count` numbers at the moment into `out`: `values` holds `count` a sample. A number that is NaN at either end
  * is NaN between.

@@ -1,7 +1,7 @@
 // The canvas: one or two views of the world seen by the same eye, drawn only when something has changed.
 import { Raycaster, Vector2, Vector3, WebGLRenderer } from "three";
 import type { Eye } from "../state";
-import type { CameraView, RolloutView, WorldView } from "../document";
+import type { CameraView, RolloutView, Tracks, WorldView } from "../document";
 import type { Mark } from "../events";
 import type { Opened } from "../unpack";
 import { extentOf, union } from "./extent";
@@ -19,6 +19,8 @@ export interface Subjects {
   shown: { world: WorldView; rollout: RolloutView | null };
   other: { world: WorldView; rollout: RolloutView } | null;
   arrangement: "one" | "side" | "ghost";
+  /** Measured positions beside it, or alone. */
+  tracks: Tracks | null;
 }
 
 /** Measured for tests and for whoever wonders: `window.__atw`. */
@@ -67,7 +69,7 @@ export class Stage {
   private time = 0;
   private chosen: string | null = null;
   private followed: string | null = null;
-  private visible: Shown = { names: true, trails: true, joints: true, effects: true, events: true };
+  private visible: Shown = { names: true, trails: true, joints: true, effects: true, events: true, observed: true };
   private events: [Mark[], Mark[]] = [[], []];
   private stale = true;
   private waiting = 0;
@@ -117,7 +119,7 @@ export class Stage {
    */
   show(subjects: Subjects, palette: Palette): void {
     // a document is often replaced by one that says the same of what is shown here
-    const key = JSON.stringify([subjects.arrangement, palette, subjects.shown, subjects.other], (name, value) =>
+    const key = JSON.stringify([subjects.arrangement, palette, subjects.shown, subjects.other, subjects.tracks], (name, value) =>
       name === "offset" ? undefined : (value as unknown),
     );
     if (key === this.key) return;
@@ -126,13 +128,13 @@ export class Stage {
     this.subjects = subjects;
     this.palette = palette;
     for (const view of this.views) view.dispose();
-    const { opened, shown, other, arrangement } = subjects;
-    let extent = extentOf(opened, shown.world, shown.rollout);
+    const { opened, shown, other, arrangement, tracks } = subjects;
+    let extent = extentOf(opened, shown.world, shown.rollout, tracks);
     if (other) extent = union(extent, extentOf(opened, other.world, other.rollout));
     const ghost = arrangement === "ghost" ? other : null;
-    this.views = [new View({ opened, ...shown, ghost, extent: extent.box }, palette)];
+    this.views = [new View({ opened, ...shown, ghost, tracks, extent: extent.box }, palette)];
     if (arrangement === "side" && other) {
-      this.views.push(new View({ opened, ...other, ghost: null, extent: extent.box }, palette));
+      this.views.push(new View({ opened, ...other, ghost: null, tracks: null, extent: extent.box }, palette));
     }
     this.resize();
     this.eyes.look({ extent: extent.box, places: extent.places, normal: planeNormal(opened, shown.world, shown.rollout), camera: shown.world.camera });

@@ -13,7 +13,7 @@ import {
 } from "three";
 import { quantity, words } from "../format";
 import { happening, type Mark } from "../events";
-import type { EventMark, Plane, RolloutView, WorldView } from "../document";
+import type { EventMark, Plane, RolloutView, Tracks, WorldView } from "../document";
 import type { Opened } from "../unpack";
 import { Ghost } from "./compare";
 import { Cutaway } from "./cutaway";
@@ -21,6 +21,7 @@ import { EVENT_COLORS, Flashes } from "./flashes";
 import { floorMesh, roundLength } from "./floor";
 import { Marks } from "./joints";
 import type { Label } from "./labels";
+import { Observed } from "./observed";
 import { outline } from "./outline";
 import type { Palette } from "./palette";
 import { Pushes, type EffectKey } from "./pushes";
@@ -35,6 +36,7 @@ export interface Shown {
   joints: boolean;
   effects: boolean;
   events: boolean;
+  observed: boolean;
 }
 
 export interface ViewOf {
@@ -43,6 +45,7 @@ export interface ViewOf {
   rollout: RolloutView | null;
   /** A rollout shown as a ghost in the same scene. */
   ghost: { world: WorldView; rollout: RolloutView } | null;
+  tracks: Tracks | null;
   extent: Box3;
 }
 
@@ -62,6 +65,10 @@ function brief(event: EventMark): string {
   return `${event.participants.map(words).join(" × ")}${strength}`;
 }
 
+function rolledOut(rollout: RolloutView | null): boolean {
+  return (rollout?.times.shape[0] ?? 0) > 1;
+}
+
 export class View {
   readonly scene = new Scene();
   readonly keys: EffectKey[];
@@ -74,6 +81,7 @@ export class View {
   private readonly ghost: Ghost | null = null;
   private readonly ghostTrails: Trails | null = null;
   private readonly trails: Trails | null = null;
+  private readonly observed: Observed | null = null;
   private readonly marks: Marks;
   private readonly pushes: Pushes;
   private readonly flashes: Flashes;
@@ -84,6 +92,7 @@ export class View {
   private edge: Object3D | null = null;
   private seen: Mark[] = [];
   private differences: Label[] = [];
+  private measured: Label[] = [];
 
   constructor(
     private readonly of: ViewOf,
@@ -108,6 +117,10 @@ export class View {
     if (rollout) {
       this.trails = new Trails(opened, world, rollout, this.size, palette.floor, false);
       this.scene.add(this.trails.object);
+    }
+    if (of.tracks) {
+      this.observed = new Observed(opened, of.tracks, world.moving, palette.floor, palette.rim);
+      this.scene.add(this.observed.object);
     }
     this.flashes = new Flashes(palette.rim);
     this.scene.add(this.flashes.object);
@@ -189,6 +202,9 @@ export class View {
     this.ghostTrails?.setTime(t);
     this.seen = this.flashes.setTime(t);
     this.differences = this.ghost?.setTime(t) ?? [];
+    const measured = this.observed?.setTime(t) ?? [];
+    if (this.observed) this.observed.object.visible = shown.observed;
+    this.measured = shown.observed && !rolledOut(this.of.rollout) ? measured : []; // else the ring beside the object says it
     this.marks.object.visible = shown.joints;
     this.pushes.object.visible = shown.effects;
     if (this.trails) this.trails.object.visible = shown.trails;
@@ -249,7 +265,7 @@ export class View {
       labels.push({ key: name, object: name, text: words(name), at, above, color, kind: "name", chosen });
     };
     if (this.highlighted !== null) label(this.highlighted);
-    labels.push(...this.differences);
+    labels.push(...this.differences, ...(shown.names ? this.measured : []));
     if (shown.events) {
       // what lies on the ground touches it again and again: rings are enough
       for (const { event, change } of this.seen.filter((m) => !m.ground || m.change).slice(0, NAMED)) {

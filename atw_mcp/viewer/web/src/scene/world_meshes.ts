@@ -48,7 +48,6 @@ export interface WorldMeshes {
   dispose(): void;
 }
 
-/** Without a rollout only fixed solids are drawn: a world alone does not say where its objects are. */
 export function buildWorld(
   opened: Opened,
   world: WorldView,
@@ -152,8 +151,6 @@ export function buildWorld(
         soft.setPoints(points, { values, a: shown.at * numbers, b: next * numbers, seconds: times[next]! - times[shown.at]! });
       });
     });
-  } else if (world.moving.length) {
-    missing.push("this world has no rollout: only its fixed solids are shown");
   }
 
   const setTime = (t: number) => {
