@@ -1,9 +1,11 @@
-"""A branch beside its base: how far objects are displaced, and which events are gone or new."""
+"""A branch beside its base: how far objects are displaced, and which events are gone, new or shifted."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from atw_mcp.probing.readouts import reported_events
 from atw_mcp.viewer import document as view
@@ -69,4 +71,14 @@ def _compared(
         ],
         gone=[event_mark(event) for event in result.events_only_in_base],
         new=[event_mark(event) for event in result.events_only_in_other],
+        shifted=[
+            view.ShiftedEvent(event=event_mark(match.base), shift=match.shift)
+            for match in result.events_in_both
+            if abs(match.shift) > _spacing(first)
+        ],
     )
+
+
+def _spacing(result: Rollout) -> float:
+    """Return the longest time between two samples [s]."""
+    return float(np.diff(result.trajectory.times).max(initial=0.0))

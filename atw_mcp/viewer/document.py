@@ -290,6 +290,7 @@ class EffectMark(Part):
 
     name: str
     kind: str
+    title: str = Field(default="", description="standard name of the effect where that is not its kind: tilt")
     law: str = Field(description="its formula, in words")
     enabled: bool
     objects: list[str] | None = Field(description="null: all")
@@ -441,6 +442,13 @@ class Displaced(Part):
     time: float = Field(description="when [s]")
 
 
+class ShiftedEvent(Part):
+    """An event that both rollouts have, at different times."""
+
+    event: EventMark = Field(description="as it is in base")
+    shift: float = Field(description="how much later it is in edited [s]")
+
+
 class ComparisonView(Part):
     """Two rollouts compared."""
 
@@ -451,6 +459,7 @@ class ComparisonView(Part):
     displaced: list[Displaced]
     gone: list[EventMark] = Field(description="events of base that edited lacks")
     new: list[EventMark]
+    shifted: list[ShiftedEvent] = Field(default=[], description="by more than base's time between two samples")
 
 
 # --- fits ---

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from atw_mcp.viewer import document as view
 from atw_mcp.viewer.packing import Blocks
+from polyworld.effects import ABSENCES
 from polyworld.expressions.effect import law_of
 from polyworld.probing.effect_accelerations import effect_accelerations
 from polyworld.solver.core.effect_evaluation import Bodies, accelerations_of, enabled, frictions_of, has_force
@@ -30,6 +31,7 @@ def effect_marks(world: World, runs: Sequence[Trajectory], blocks: Blocks) -> li
         view.EffectMark(
             name=effect.name,
             kind=effect.kind,
+            title=_standard_name(effect),
             law=law_of(effect).summary,
             enabled=effect.enabled,
             objects=None if effect.objects is None else list(effect.objects),
@@ -41,6 +43,11 @@ def effect_marks(world: World, runs: Sequence[Trajectory], blocks: Blocks) -> li
         )
         for effect in world.effects
     ]
+
+
+def _standard_name(effect: Effect) -> str:
+    """Return the name under which the gap workflow proposes an effect; empty where that is its kind."""
+    return ABSENCES[effect.kind].effect if effect.kind in ABSENCES else ""
 
 
 def pushes_view(world: World, result: Rollout, blocks: Blocks) -> list[view.EffectPush]:

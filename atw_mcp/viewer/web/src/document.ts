@@ -99,6 +99,8 @@ export interface ComparisonView {
   /** events of base that edited lacks */
   gone: EventMark[];
   new: EventMark[];
+  /** by more than base's time between two samples */
+  shifted: ShiftedEvent[];
 }
 
 /** The error over the course of a search. */
@@ -156,6 +158,8 @@ export interface EditWords {
 export interface EffectMark {
   name: string;
   kind: string;
+  /** standard name of the effect where that is not its kind: tilt */
+  title: string;
   /** its formula, in words */
   law: string;
   enabled: boolean;
@@ -511,6 +515,14 @@ export interface Running {
   total: number | null;
   seconds_left: number | null;
   curve: Curve | null;
+}
+
+/** An event that both rollouts have, at different times. */
+export interface ShiftedEvent {
+  /** as it is in base */
+  event: EventMark;
+  /** how much later it is in edited [s] */
+  shift: number;
 }
 
 /** A ball. */

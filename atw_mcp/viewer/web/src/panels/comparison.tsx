@@ -120,6 +120,7 @@ function EventsTable({ view }: { view: ComparisonView }) {
   const rows = [
     ...view.gone.map((event) => ({ event, change: "gone" as const, rollout: view.base })),
     ...view.new.map((event) => ({ event, change: "new" as const, rollout: view.edited })),
+    ...(view.shifted ?? []).map(({ event, shift }) => ({ event, change: "shifted" as const, rollout: view.base, shift })),
   ].sort((a, b) => a.event.time - b.event.time);
   if (rows.length === 0) return <p class="soft">The same events happen in both.</p>;
   return (
@@ -127,6 +128,7 @@ function EventsTable({ view }: { view: ComparisonView }) {
       <table>
         <caption>
           Events: {view.gone.length} gone, {view.new.length} new
+          {view.shifted?.length ? `, ${view.shifted.length} at another time` : ""}
         </caption>
         <thead>
           <tr>
@@ -136,8 +138,8 @@ function EventsTable({ view }: { view: ComparisonView }) {
           </tr>
         </thead>
         <tbody>
-          {rows.map(({ event, change, rollout }, k) => (
-            <EventLine key={k} event={event} change={change} rollout={rollout} />
+          {rows.map((row, k) => (
+            <EventLine key={k} {...row} />
           ))}
         </tbody>
       </table>
@@ -145,18 +147,31 @@ function EventsTable({ view }: { view: ComparisonView }) {
   );
 }
 
-function EventLine({ event, change, rollout }: { event: EventMark; change: "gone" | "new"; rollout: string }) {
+const SIGNS = { gone: "× gone", new: "+ new", shifted: "↔ kept" };
+
+interface Line {
+  event: EventMark;
+  change: keyof typeof SIGNS;
+  rollout: string;
+  /** Of a kept event: how much later it is in the edited rollout [s]. */
+  shift?: number;
+}
+
+function EventLine({ event, change, rollout, shift }: Line) {
   return (
-    <tr data-change={change} data-kind={event.kind} data-time={event.time}>
+    <tr data-change={change} data-shift={shift} data-kind={event.kind} data-time={event.time}>
       <td class="number">
-        <span class={`sign ${change}`}>{change === "gone" ? "× gone" : "+ new"}</span>
+        <span class={`sign ${change}`}>{SIGNS[change]}</span>
       </td>
       <td class="number">
         <button class="link" onClick={() => showEvent(event, rollout)}>
           {moment(event.time)}
         </button>
       </td>
-      <td>{happening(event)}</td>
+      <td>
+        {happening(event)}
+        {shift !== undefined && <span class="soft">, {quantity(Math.abs(shift), "s")} {shift < 0 ? "earlier" : "later"}</span>}
+      </td>
     </tr>
   );
 }
