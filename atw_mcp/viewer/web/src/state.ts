@@ -65,15 +65,19 @@ export const secondsPerFrame = computed(
 
 /** When the last frame of the video begins [s]; null where no video was observed. */
 export const filmEnd = computed(() => {
-  const frames = document.value?.film?.frame_count || world.value?.frame_count || 0;
+  if (document.value?.case.kind !== "video") return null;
+  const frames = document.value.film?.frame_count || world.value?.frame_count || 0;
   return frames > 0 ? (frames - 1) * secondsPerFrame.value : null;
 });
 
 /** Measured positions of the run chosen; null where there are none. */
 export const track = computed(() => document.value?.tracks[observedRun.value] ?? document.value?.tracks[0] ?? null);
 
-/** Measured positions that belong into the scene: without a rollout, or with one that is meant to follow them. */
-export const followedTrack = computed(() => (!rollout.value || rollout.value.misfits.length ? track.value : null));
+/** Measured positions that belong into the scene: without a rollout, or with one alone that is meant to follow them. */
+export const followedTrack = computed(() => {
+  const follows = rollout.value?.misfits.length && layout.value === "one";
+  return !rollout.value || follows ? track.value : null;
+});
 
 /** Length of what is shown [s]. */
 export const duration = computed(() => {

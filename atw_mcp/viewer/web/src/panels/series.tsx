@@ -232,7 +232,9 @@ function Values({ measure: m }: { measure: Measure }) {
                   <span>
                     <Dot color={color} /> {words(name)}
                   </span>
-                  <div class="small soft">observed, ± 1 σ{track.value?.held_out_from != null && "; hollow: held out"}</div>
+                  <div class="small soft">observed{track.value?.run && ` in run ${track.value.run}`}
+                    {observed.sigma.some((s) => Number.isFinite(s)) && ", ± 1 σ"}
+                    {track.value?.held_out_from != null && "; hollow: held out"}</div>
                 </td>
                 <td class="number">{withSpread(observed, t)}</td>
                 <td class="number pointer">{at === null ? "" : withSpread(observed, at)}</td>

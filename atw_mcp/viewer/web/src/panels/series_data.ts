@@ -2,6 +2,7 @@
 import { words } from "../format";
 import type { RolloutView, Tracks } from "../document";
 import { opened } from "../state";
+import { contactTimes, sideOf } from "../scene/contacts";
 import type { Opened } from "../unpack";
 
 /** Something that has a value at each sample. */
@@ -17,12 +18,14 @@ export interface Points {
   times: ArrayLike<number>;
   /** NaN where there is no value */
   values: ArrayLike<number>;
+  /** Moments at which the values may jump, ascending [s]; none where they are continuous. */
+  jumps?: readonly number[];
 }
 
 /** Measured positions along one coordinate. */
 export interface Observations extends Points {
   /** standard deviation [m], NaN where unknown */
-  sigma: ArrayLike<number>;
+  sigma: Float64Array;
   /** from when on they were held out of fits [s] */
   heldOutFrom: number;
 }
@@ -74,8 +77,17 @@ export function pointsOf(measure: Measure, rollout: RolloutView, object: string)
   if (!known) kept.set(source, (known = new Map()));
   const key = `${rollout.id} ${measure.name} ${object}`;
   let points = known.get(key);
-  if (points === undefined) known.set(key, (points = computedPoints(source, measure, rollout, object)));
+  if (points === undefined) {
+    points = computedPoints(source, measure, rollout, object);
+    if (points && jumps(measure)) points = { ...points, jumps: contactTimes(rollout, object) };
+    known.set(key, points);
+  }
   return points;
+}
+
+/** Whether a contact changes the value at once, as it does velocities. */
+function jumps(measure: Measure): boolean {
+  return measure.coordinate === undefined && measure.name !== POTENTIAL && !RESIDUALS.includes(measure);
 }
 
 function computedPoints(source: Opened, measure: Measure, rollout: RolloutView, object: string): Points | null {
@@ -148,13 +160,18 @@ export function firstFrom(times: ArrayLike<number>, t: number): number {
   return low;
 }
 
-/** Value at a moment, linear between samples; NaN outside them or next to a gap. */
-export function valueAt({ times, values }: Points, t: number): number {
+/**
+ * Value at a moment, linear between samples, but across a jump that of the sample before it or after it; NaN outside
+ * them or next to a gap.
+ */
+export function valueAt({ times, values, jumps }: Points, t: number): number {
   const near = 1e-6; // seconds: times are float32, and a clock at a sample should read that sample
   const k = firstFrom(times, t - near);
   if (k >= times.length) return NaN;
   if (Math.abs(times[k]! - t) <= near) return values[k]!;
   if (k === 0) return NaN;
+  const side = sideOf(jumps ?? [], times[k - 1]! + near, times[k]! + near, t);
+  if (side !== "none") return values[side === "before" ? k - 1 : k]!;
   const share = (t - times[k - 1]!) / (times[k]! - times[k - 1]!);
   return values[k - 1]! + share * (values[k]! - values[k - 1]!);
 }

@@ -4,10 +4,10 @@ import { signal, untracked, useSignalEffect } from "@preact/signals";
 import { eventLabel, groundShown, hiddenKinds, KINDS, lanes, visibleLanes, type Kind, type Lane } from "../events";
 import { digits } from "../format";
 import { Icon } from "../icons";
-import { document, duration, filmEnd, frame, seek, time } from "../state";
+import { document, duration, filmEnd, frame, seek, time, track } from "../state";
 import { Shape } from "./mark_shapes";
 import { LaneMarks, LANE, tip } from "./timeline_lane";
-import { heldOut, MARGIN, moment, place, reveal, showInterval, ticks, view, width, zoom, zoomed } from "./timeline_view";
+import { heldOut, heldOutRuns, MARGIN, moment, place, reveal, showInterval, ticks, view, width, zoom, zoomed } from "./timeline_view";
 import "./timeline.css";
 
 const AXIS = 22; // px, its height
@@ -231,6 +231,8 @@ function Legend() {
     hiddenKinds.value = next;
   };
   const ground = all.filter((m) => m.ground).length;
+  const run = track.value?.run ?? "";
+  const others = heldOutRuns.value.filter((name) => name !== "" && name !== run);
   const middle = () => Math.min(Math.max(time.value, view.value[0]), view.value[1]);
   return (
     <div class="bar legend" role="group" aria-label="events shown">
@@ -265,7 +267,12 @@ function Legend() {
       )}
       {all.length === 0 && <span class="soft small">no events</span>}
       {filmEnd.value !== null && <span class="chip">shaded: {document.value!.case.kind === "video" ? "video" : "measured"}</span>}
-      {heldOut.value.length > 0 && <span class="chip">hatched: held out of fits</span>}
+      {heldOut.value.length > 0 && <span class="chip">hatched: {run && `run ${run} `}held out of fits</span>}
+      {others.length > 0 && (
+        <span class="chip" title="Choose the run in Series">
+          held out of fits{heldOut.value.length > 0 ? " as well" : ""}: {others.length > 1 ? "runs" : "run"} {others.join(", ")}
+        </span>
+      )}
       <span class="push" />
       {zoomed.value && (
         <span class="soft small number">

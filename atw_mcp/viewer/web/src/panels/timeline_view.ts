@@ -1,7 +1,7 @@
 // What part of time the timeline shows, and where a moment lies in it.
 import { computed, signal } from "@preact/signals";
 import type { Mark } from "../events";
-import { document, duration, lastTime, opened, rollout } from "../state";
+import { document, duration, lastTime, opened, rollout, track } from "../state";
 
 /** Room left of the first moment and right of the last, so that marks there are whole [px]. */
 export const MARGIN = 10;
@@ -96,18 +96,26 @@ export function ticks(): { at: number[]; decimals: number } {
   return { at, decimals: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
 }
 
-/** Intervals held out of fits [s], of the rollout shown, without repeats. */
+/** Names of runs of which something was held out of fits; "" is the only one. */
+export const heldOutRuns = computed(() => {
+  const series = document.value?.gaps.flatMap((gap) => gap.series) ?? [];
+  return [...new Set(series.filter((s) => s.held_out.length).map((s) => s.run))].sort();
+});
+
+/** Intervals held out of fits [s], of the measured run chosen, without repeats. */
 export const heldOut = computed<[number, number][]>(() => {
   const doc = document.value;
-  const shown = rollout.value;
+  const measured = track.value;
+  const shown = rollout.value ?? measured;
   if (!doc || !shown) return [];
   const found = new Map<string, [number, number]>();
   const add = (from: number | null | undefined, to: number | null | undefined) => {
     const interval: [number, number] = [from ?? 0, to ?? lastTime(shown)];
     found.set(interval.map((t) => t.toFixed(6)).join(), interval);
   };
-  for (const track of doc.tracks)
-    if (track.held_out_from !== null) add(track.held_out_from, opened.value!.floats(track.times).at(-1));
-  for (const gap of doc.gaps) for (const series of gap.series) for (const [from, to] of series.held_out) add(from, to);
+  if (measured && measured.held_out_from !== null)
+    add(measured.held_out_from, opened.value!.floats(measured.times).at(-1));
+  for (const series of doc.gaps.flatMap((gap) => gap.series))
+    if (series.run === "" || series.run === measured?.run) for (const [from, to] of series.held_out) add(from, to);
   return [...found.values()];
 });
