@@ -5,6 +5,7 @@ import { quantity, words } from "../format";
 import { Icon } from "../icons";
 import { follow } from "../keys";
 import { document, followed, object, otherWorld, rollout, world, worldOf } from "../state";
+import { FixedSolids } from "./objects_fixed";
 import "./objects.css";
 
 export function Objects() {
@@ -27,6 +28,7 @@ export function Objects() {
             <Row key={m.name} moving={m} of={branch!} note={"only in the compared world"} />
           ))}
         </ul>
+        <FixedSolids />
       </div>
     </section>
   );

@@ -156,13 +156,15 @@ export function Scene() {
             (k.arrows || !k.field) && (
               <p key={k.name} data-effect={k.name} data-full={k.arrows?.full}>
                 <b>{words(k.name)}</b>
+                {k.title && ` (${words(k.title)})`}
                 {k.enabled ? "" : " (disabled)"} {k.arrows ? scaleText(k.arrows) : "pushes no object"}
                 {k.arrows && <i class="arrow" style={{ color: k.color }} />}
               </p>
             ),
             k.field && (
               <p key={`${k.name} field`} data-effect={k.name} data-field-full={k.field.full}>
-                <b>{words(k.name)}</b> in space {scaleText(k.field)}
+                <b>{words(k.name)}</b>
+                {k.title && !k.arrows && ` (${words(k.title)})`} in space {scaleText(k.field)}
                 <i class="arrow pale" style={{ color: k.color }} />
               </p>
             ),
@@ -196,7 +198,7 @@ function placed(left: number, top: number, width: number, height: number) {
 /** What the arrow beside it stands for, and that stronger ones are cut off. */
 function scaleText({ full, most, unit }: Scale): string {
   const cut = most > 1.001 * CUT * full ? `, stronger cut off (most ${quantity(most, unit, 3)})` : "";
-  return `${quantity(full, unit, 3)}${cut}`;
+  return `scale: full arrow ${quantity(full, unit, 3)}${cut}`;
 }
 
 /** Put a canvas into `host` and keep it in step with the page; returns what ends that. */

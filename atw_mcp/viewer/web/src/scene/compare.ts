@@ -1,9 +1,10 @@
 // Two rollouts in one scene: the second as a ghost, with a line from each object to where it is there.
 import { Color, Group, Vector3 } from "three";
 import type { RolloutView, WorldView } from "../document";
-import { quantity, words } from "../format";
+import { quantity } from "../format";
 import type { Opened } from "../unpack";
 import type { Label } from "./labels";
+import { changeOf, differing } from "./fixed";
 import { Lines } from "./lines";
 import { buildWorld, disposeAll, type WorldMeshes } from "./world_meshes";
 
@@ -29,7 +30,10 @@ export class Ghost {
     private readonly size: number,
     private readonly color: Color,
   ) {
-    this.meshes = buildWorld(opened, other.world, other.rollout, { style: "ghost", withoutStatics: true });
+    this.meshes = buildWorld(opened, other.world, other.rollout, {
+      style: "ghost",
+      statics: new Set(differing(other.world, shown.world).map(({ solid }) => solid.name)),
+    });
     this.names = [...new Set([...shown.rollout.names, ...other.rollout.names])];
     this.lines = new Lines(this.names.length, { over: true });
     this.object.add(this.meshes.group, this.lines.object);
@@ -67,10 +71,8 @@ export class Ghost {
 
   /** An object that only `having` has: removed by an intervention, added by one, or neither is known. */
   private lone(name: string, at: Vector3, having: Compared, lacking: Compared, color: string): Label {
-    const removed = lacking.rollout.edits.length > 0 && having.rollout.edits.length === 0;
-    const added = having.rollout.edits.length > 0 && lacking.rollout.edits.length === 0;
-    const text = removed ? `− ${words(name)} removed` : added ? `+ ${words(name)} added` : `${words(name)} only in ${having.rollout.label}`;
-    return { key: `${name}!`, object: name, text, at, above: 0.05 * this.size, color, kind: removed ? "gone" : "new" };
+    const change = changeOf(name, having.rollout, lacking.rollout);
+    return { key: `${name}!`, object: name, at, above: 0.05 * this.size, color, ...change };
   }
 
   dispose(): void {

@@ -146,7 +146,7 @@ function pathOf(
 }
 
 /** Empty for a half space. A box, mostly a wall or a table, has its own corners: its ball would be much larger. */
-function staticBox(opened: Opened, fixed: Static): Box3 {
+export function staticBox(opened: Opened, fixed: Static): Box3 {
   const box = new Box3();
   const at = new Vector3().fromArray(fixed.position);
   const [w, x, y, z] = fixed.orientation as [number, number, number, number];

@@ -9,13 +9,15 @@ export interface Label {
   at: Vector3;
   /** Name of the object that it is about. */
   object?: string;
+  /** Name of the effect whose push it is. */
+  effect?: string;
   /** Number in the text, in full. */
   value?: number;
   /** Radius that it stays clear of [m]. */
   above?: number;
   /** Of the dot before the text; null: none. */
   color: string | null;
-  kind: "name" | "distance" | "gone" | "new" | "event" | "region";
+  kind: "name" | "distance" | "gone" | "new" | "event" | "region" | "push";
   chosen?: boolean;
 }
 
@@ -69,6 +71,7 @@ export class Labels {
         let x = window.x + (0.5 + 0.5 * projected.x) * window.width;
         const seen = window.y + (0.5 - 0.5 * projected.y) * window.height;
         if (label.object) Object.assign(one.element.dataset, { object: label.object, x, y: seen });
+        if (label.effect) one.element.dataset.effect = label.effect;
         if (label.value !== undefined) one.element.dataset.value = String(label.value);
         const y = seen - LIFT - (label.above ? clear(label, camera, window) : 0);
         x = Math.max(Math.min(x, window.x + window.width - one.width / 2 - 2), window.x + one.width / 2 + 2);

@@ -1,8 +1,11 @@
 // What effects do: an arrow at each object, and the field in space.
 import { Color, Group, Vector3 } from "three";
 import type { EffectMark, RolloutView, WorldView } from "../document";
+import { quantity } from "../format";
 import type { Opened } from "../unpack";
 import { Arrows } from "./arrows";
+import { contactTimes, sideOf } from "./contacts";
+import type { Label } from "./labels";
 import { lerp, moment } from "./samples";
 import { boundingRadius } from "./shapes";
 import type { WorldMeshes } from "./world_meshes";
@@ -29,6 +32,8 @@ export interface Scale {
 export interface EffectKey {
   name: string;
   kind: string;
+  /** Standard name of the effect, where it is not its kind; else "". */
+  title: string;
   color: string;
   /** Arrows at objects; null where the effect has none. */
   arrows: Scale | null;
@@ -40,6 +45,8 @@ export interface EffectKey {
 export class Pushes {
   readonly object = new Group();
   readonly keys: EffectKey[] = [];
+  /** The value now of each arrow at an object. */
+  labels: Label[] = [];
   private readonly steps: ((t: number) => void)[] = [];
 
   /** size: of the scene [m]. */
@@ -51,7 +58,7 @@ export class Pushes {
     for (const name of names) {
       const mark: EffectMark | undefined = world.effects.find((e) => e.name === name);
       const color = INKS[which++ % INKS.length]!;
-      const key: EffectKey = { name, kind: mark?.kind ?? "", color, arrows: null, field: null, enabled: mark?.enabled ?? true };
+      const key: EffectKey = { name, kind: mark?.kind ?? "", title: mark?.title ?? "", color, arrows: null, field: null, enabled: mark?.enabled ?? true };
       const push = rollout?.pushes.find((p) => p.effect === name);
       if (push && rollout) {
         const values = opened.floats(push.accelerations);
@@ -65,9 +72,16 @@ export class Pushes {
           const from = new Vector3();
           this.object.add(arrows.object);
           this.steps.push((t) => {
-            lerp(values, 3 * columns, moment(times, t), now);
+            const m = moment(times, t);
+            lerp(values, 3 * columns, m, now);
             arrows.clear();
             for (let j = 0; j < columns; j++) {
+              if (m.part > 0) {
+                // what depends on the velocity jumps with it
+                const side = sideOf(contactTimes(rollout, rollout.names[j]!), times[m.at]!, times[m.next]!, t);
+                const from = 3 * ((side === "before" ? m.at : m.next) * columns + j);
+                if (side !== "none") now.set(values.subarray(from, from + 3), 3 * j);
+              }
               const [x, y, z] = [now[3 * j]!, now[3 * j + 1]!, now[3 * j + 2]!];
               const strength = Math.hypot(x, y, z);
               if (!(strength > WEAK * scale.full)) continue;
@@ -75,7 +89,12 @@ export class Pushes {
               // from the surface on: what is inside the object cannot be seen
               const out = (radii.get(rollout.names[j]!) ?? 0) / strength;
               from.set(from.x + out * x, from.y + out * y, from.z + out * z);
-              arrows.add(from, x, y, z, full * Math.min(strength / scale.full, CUT));
+              const length = full * Math.min(strength / scale.full, CUT);
+              arrows.add(from, x, y, z, length);
+              const at = from.clone().add(new Vector3(x, y, z).multiplyScalar(length / strength));
+              const text = quantity(strength, scale.unit, 3);
+              const key = `${name} on ${rollout.names[j]!}`;
+              this.labels.push({ key, value: strength, text, at, color, kind: "push", effect: name });
             }
             arrows.done();
           });
@@ -105,6 +124,7 @@ export class Pushes {
   }
 
   setTime(t: number): void {
+    this.labels = [];
     for (const step of this.steps) step(t);
   }
 }

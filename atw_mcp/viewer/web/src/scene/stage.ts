@@ -1,5 +1,5 @@
 // The canvas: one or two views of the world seen by the same eye, drawn only when something has changed.
-import { Raycaster, Vector2, Vector3, WebGLRenderer } from "three";
+import { type Box3, Raycaster, Vector2, Vector3, WebGLRenderer } from "three";
 import type { Eye } from "../state";
 import type { CameraView, RolloutView, Tracks, WorldView } from "../document";
 import type { Mark } from "../events";
@@ -132,9 +132,9 @@ export class Stage {
     let extent = extentOf(opened, shown.world, shown.rollout, tracks);
     if (other) extent = union(extent, extentOf(opened, other.world, other.rollout));
     const ghost = arrangement === "ghost" ? other : null;
-    this.views = [new View({ opened, ...shown, ghost, tracks, extent: extent.box }, palette)];
+    this.views = [new View({ opened, ...shown, ghost, against: other, tracks, extent: extent.box }, palette)];
     if (arrangement === "side" && other) {
-      this.views.push(new View({ opened, ...other, ghost: null, tracks: null, extent: extent.box }, palette));
+      this.views.push(this.second(opened, subjects, extent.box, palette));
     }
     this.resize();
     this.eyes.look({ extent: extent.box, places: extent.places, normal: planeNormal(opened, shown.world, shown.rollout), camera: shown.world.camera });
@@ -147,6 +147,11 @@ export class Stage {
     this.renderer.setClearColor(palette.background);
     this.stale = true;
     this.request();
+  }
+
+  private second(opened: Opened, { shown, other }: Subjects, extent: Box3, palette: Palette): View {
+    const against = shown.rollout ? { world: shown.world, rollout: shown.rollout } : null;
+    return new View({ opened, ...other!, ghost: null, against, tracks: null, extent }, palette);
   }
 
   setTime(t: number): void {

@@ -18,6 +18,7 @@ import type { Opened } from "../unpack";
 import { Ghost } from "./compare";
 import { Cutaway } from "./cutaway";
 import { EVENT_COLORS, Flashes } from "./flashes";
+import { differing, fixedLabels } from "./fixed";
 import { floorMesh, roundLength } from "./floor";
 import { Marks } from "./joints";
 import type { Label } from "./labels";
@@ -45,6 +46,8 @@ export interface ViewOf {
   rollout: RolloutView | null;
   /** A rollout shown as a ghost in the same scene. */
   ghost: { world: WorldView; rollout: RolloutView } | null;
+  /** The rollout that it is compared with, in this scene or in another. */
+  against: { world: WorldView; rollout: RolloutView } | null;
   tracks: Tracks | null;
   extent: Box3;
 }
@@ -93,6 +96,7 @@ export class View {
   private seen: Mark[] = [];
   private differences: Label[] = [];
   private measured: Label[] = [];
+  private fixed: Label[] = [];
 
   constructor(
     private readonly of: ViewOf,
@@ -103,12 +107,18 @@ export class View {
     this.size = span.length();
     this.cell = roundLength(0.12 * this.size);
     this.radii = new Map(world.moving.map((m) => [m.name, m.shape ? boundingRadius(opened, m.shape) : 0]));
-    this.meshes = buildWorld(opened, world, rollout);
+    const against = rollout ? of.against : null;
+    const lacking = against ? differing(world, against.world).map(({ solid }) => solid.name) : [];
+    this.meshes = buildWorld(opened, world, rollout, { lacking: new Set(of.ghost ? lacking : []) });
+    if (against && rollout) {
+      this.fixed = fixedLabels(opened, { world, rollout }, against);
+      if (of.ghost) this.fixed.push(...fixedLabels(opened, against, { world, rollout }));
+    }
     this.scene.add(this.meshes.group);
     this.missing = [...this.meshes.missing];
     this.gridNote = this.floors();
     this.light();
-    const solids = world.statics.filter((s) => s.shape.kind !== "plane").map((s) => this.meshes.byName.get(s.name) as Mesh);
+    const solids = world.statics.filter((s) => s.shape.kind !== "plane" && !(of.ghost && lacking.includes(s.name))).map((s) => this.meshes.byName.get(s.name) as Mesh);
     this.cutaway = new Cutaway(solids);
     this.marks = new Marks(world, this.meshes, this.size, palette);
     this.pushes = new Pushes(opened, world, rollout, this.meshes, this.size);
@@ -265,7 +275,7 @@ export class View {
       labels.push({ key: name, object: name, text: words(name), at, above, color, kind: "name", chosen });
     };
     if (this.highlighted !== null) label(this.highlighted);
-    labels.push(...this.differences, ...(shown.names ? this.measured : []));
+    labels.push(...this.differences, ...this.fixed, ...(shown.names ? this.measured : []));
     if (shown.events) {
       // what lies on the ground touches it again and again: rings are enough
       for (const { event, change } of this.seen.filter((m) => !m.ground || m.change).slice(0, NAMED)) {
@@ -284,6 +294,8 @@ export class View {
         labels.push({ key: `region ${region.name}`, text: words(region.name), at, color: null, kind: "region" });
       }
     }
+    // after the names: of fifty objects those that have room
+    if (shown.effects) labels.push(...this.pushes.labels);
     this.labels = labels;
   }
 

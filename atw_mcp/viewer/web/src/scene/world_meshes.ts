@@ -24,8 +24,10 @@ import { sheet } from "./sheet";
 export interface WorldOptions {
   /** "ghost": translucent, rigid objects with their edges. */
   style?: Style;
-  /** Leave out fixed solids: those of a ghost are there already. */
-  withoutStatics?: boolean;
+  /** Names of the fixed solids to draw; default: all. Most of a ghost's are there already. */
+  statics?: ReadonlySet<string>;
+  /** Names of fixed solids that are drawn translucent with their edges: the other world lacks them. */
+  lacking?: ReadonlySet<string>;
 }
 
 export interface WorldMeshes {
@@ -73,14 +75,17 @@ export function buildWorld(
     group.add(object);
   };
 
-  if (!options.withoutStatics) {
+  {
     const { box } = extentOf(opened, world, rollout);
     const reach = box.max.distanceTo(box.min);
     for (const fixed of world.statics) {
+      if (options.statics && !options.statics.has(fixed.name)) continue;
+      const faint = options.lacking?.has(fixed.name) ? "ghost" : style;
       const solid = new Mesh(
         shapeGeometry(opened, fixed.shape, reach),
-        surface(fixed.color, { style, pattern: "none", twoSided: fixed.shape.kind === "plane" }),
+        surface(fixed.color, { style: faint, pattern: "none", twoSided: fixed.shape.kind === "plane" }),
       );
+      if (faint === "ghost") solid.add(edges(solid.geometry, fixed.color));
       solid.position.fromArray(fixed.position);
       const [w, x, y, z] = fixed.orientation as [number, number, number, number];
       solid.quaternion.set(x, y, z, w);
@@ -166,6 +171,10 @@ export function buildWorld(
     return mean(cloud, out);
   };
   return { group, byName, setTime, points, middle, speeds, missing, dispose: () => disposeAll(group) };
+}
+
+function edges(geometry: BufferGeometry, color: string): LineSegments {
+  return new LineSegments(new EdgesGeometry(geometry, 25), new LineBasicMaterial({ color, transparent: true, opacity: 0.9 }));
 }
 
 function rigid(opened: Opened, moving: Moving, style: Style): Mesh {
