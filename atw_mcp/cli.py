@@ -56,7 +56,7 @@ def main(arguments: list[str] | None = None) -> int:
     given = sys.argv[1:] if arguments is None else arguments
     if not given or (given[0].startswith("-") and given[0] not in ("-h", "--help", "--version")):
         given = ["serve", *given]  # what an MCP client that knows only the command's name wants
-    options = _parser().parse_args(given)
+    options = _read(given)
     try:
         return int(options.command(options))
     except KeyboardInterrupt:
@@ -70,6 +70,19 @@ def main(arguments: list[str] | None = None) -> int:
     except ServerLost as error:  # it has said why on stderr
         print(f"atw-mcp: the server that this command started is gone ({error})", file=sys.stderr)
         return FAILED
+
+
+def _read(given: list[str]) -> argparse.Namespace:
+    """Read a command line; key=value may come before, between and after options."""
+    parser = _parser()
+    options, rest = parser.parse_known_args(given)
+    pairs = getattr(options, "pairs", None)
+    # argparse takes what is repeated from one place only
+    if rest and (pairs is None or any(word.startswith("-") for word in rest)):
+        parser.error(f"unrecognized arguments: {' '.join(rest)}")
+    if rest:
+        options.pairs = [*pairs, *rest]
+    return options
 
 
 def _parser() -> argparse.ArgumentParser:

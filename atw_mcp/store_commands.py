@@ -151,7 +151,7 @@ def _export(options: argparse.Namespace, store: Path) -> int:
         print("atw-mcp: export needs --out FILE.zip, --prov FILE.json or both", file=sys.stderr)
         return USAGE
     if not store.exists():
-        raise StoreError(f"there is no evidence store at {store}: name one with --store PATH")
+        raise StoreError(f"there is no evidence store at {store}: check the path, which --store FILE gives")
     opened = EvidenceStore(store)
     try:
         if options.out is not None:

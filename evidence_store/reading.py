@@ -38,7 +38,7 @@ class ReadOnlyConnection(Connection):
 
     def _prepare(self) -> None:
         if not self.path.exists():
-            raise StoreError(f"there is no evidence store at {self.path}: name one with --store PATH")
+            raise StoreError(f"there is no evidence store at {self.path}: check the path, which --store FILE gives")
         self._refuse_folder()
         with self._plain_errors():
             database = self._database()

@@ -33,7 +33,7 @@ def backup(path: Path, target: Path) -> int:
     The copy holds what was stored at one moment, the write-ahead log included.
     """
     if not path.exists():
-        raise StoreError(f"there is no evidence store at {path}: name one with --store PATH")
+        raise StoreError(f"there is no evidence store at {path}: check the path, which --store FILE gives")
     if target.exists():
         raise StoreError(f"{target} exists already: choose another name, or move it away first")
     Connection(path).close()  # raises where the file is no store that can be used
@@ -61,7 +61,7 @@ def prune(path: Path, *, cases: Iterable[str] = (), worlds: bool = False, dry_ru
     computes is referred to only when it is done.
     """
     if not path.exists():
-        raise StoreError(f"there is no evidence store at {path}: name one with --store PATH")
+        raise StoreError(f"there is no evidence store at {path}: check the path, which --store FILE gives")
     Connection(path).close()  # raises where the file is no store that can be used; migrates an older one
     before, named = path.stat().st_size, list(cases)
     with plain_errors(path, PATIENCE), closing(sqlite3.connect(path, timeout=PATIENCE)) as database:
