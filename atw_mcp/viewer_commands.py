@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -64,13 +65,18 @@ def run_view(options: argparse.Namespace) -> int:
     from evidence_store import StoreError
 
     try:
-        return view(_store(options), options.case, options.port, browser=not options.no_browser)
+        code = view(_store(options), options.case, options.port, browser=not options.no_browser)
     except (StoreError, FileNotFoundError) as error:
         return _failed(str(error))
     except OverflowError:
         return _failed(f"{options.port} is no port: 0 to 65535")
     except OSError as error:
         return _failed(f"cannot listen on 127.0.0.1, port {options.port} ({error.strerror or error})")
+    if code:  # a signal: all is closed, and the interpreter's own end takes seconds with the engine loaded
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
 
 
 def _store(options: argparse.Namespace) -> Path:

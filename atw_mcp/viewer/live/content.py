@@ -96,6 +96,11 @@ class CaseFollower:
         self._content, self._case = content, case
         self._watch = ChangeWatch(content.store.path)
         self._state: dict[str, Any] = {"revision": "", "running": []}
+        self._file = _identity(content.store.path)
+
+    def gone(self) -> bool:
+        """Whether the store's file is no longer where it was: removed, renamed, or another in its place."""
+        return _identity(self._content.store.path) != self._file
 
     def look(self) -> dict[str, Any] | None:
         """Return the revision and the work under way where either has changed since the last look, else None.
@@ -114,6 +119,14 @@ class CaseFollower:
     def close(self) -> None:
         """Stop looking."""
         self._watch.close()
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    try:
+        state = path.stat()
+    except OSError:
+        return None
+    return state.st_dev, state.st_ino
 
 
 def _played(case: Case) -> PlayedFilm:

@@ -103,9 +103,13 @@ class Site:
     async def _events(self, case: str) -> AsyncIterator[str]:
         """Yield an event now and at each change: the revision of the case's records, and the work under way."""
         follower = CaseFollower(self._content, case)
-        silent = 0.0
+        silent, gone = 0.0, False
         try:
             while True:
+                was, gone = gone, await self._run(follower.gone)
+                if gone != was:
+                    said = {"gone": str(self._content.store.path) if gone else ""}
+                    yield f"event: store\ndata: {json.dumps(said)}\n\n"
                 try:
                     state = await self._run(follower.look)
                 except (StoreError, sqlite3.Error):  # busy, or gone: the next look decides

@@ -1,6 +1,6 @@
 // A page that follows a case while it is worked on: the server sends an event when its records or its work change.
 import type { Running } from "./document";
-import { live, lost, progressing, show } from "./state";
+import { gone, live, lost, progressing, show } from "./state";
 import { unpack } from "./unpack";
 
 const AGAIN = 2000; // ms until a server that refused or ended a connection is asked again
@@ -23,13 +23,19 @@ export async function follow(): Promise<void> {
 
 function connect(): void {
   const source = new EventSource("changes");
-  source.addEventListener("open", () => (lost.value = null));
+  source.addEventListener("open", () => {
+    lost.value = null;
+    gone.value = "";
+  });
   source.addEventListener("state", (event) => {
     const state = JSON.parse((event as MessageEvent<string>).data) as State;
     lost.value = null;
     wanted = state.revision;
     progressing.value = state.running;
     reload();
+  });
+  source.addEventListener("store", (event) => {
+    gone.value = (JSON.parse((event as MessageEvent<string>).data) as { gone: string }).gone;
   });
   source.addEventListener("error", () => {
     lost.value ??= new Date();

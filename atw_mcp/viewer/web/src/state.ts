@@ -16,6 +16,8 @@ export const progress = signal("Loading …");
 export const live = signal(false);
 /** When the server of a live page was last heard of, while it is gone. */
 export const lost = signal<Date | null>(null);
+/** Path of the store of a live page while no file, or another, is there; else "". */
+export const gone = signal("");
 /** Work under way as the server of a live page last reported it. */
 export const progressing = signal<Running[] | null>(null);
 

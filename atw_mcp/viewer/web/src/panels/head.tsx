@@ -3,7 +3,7 @@ import type { Answer, CaseView } from "../document";
 import { digits } from "../format";
 import { Icon } from "../icons";
 import { helpOpen } from "../keys";
-import { document, evidence, live, lost, record, tab } from "../state";
+import { document, evidence, gone, live, lost, record, tab } from "../state";
 import { Chances, Doubt, Trust } from "./trust";
 import { preference, type Preference } from "../theme";
 import { Agreement } from "./agreement";
@@ -28,7 +28,11 @@ export function Head() {
       <div class="bar">
         <h1>{doc.case.id}</h1>
         {doc.case.file && <span class="chip">{doc.case.file}</span>}
-        {live.value && <span class={lost.value ? "chip bad" : "chip good"}>{lost.value ? "not connected" : "live"}</span>}
+        {live.value && (
+          <span class={lost.value || gone.value ? "chip bad" : "chip good"}>
+            {lost.value ? "not connected" : gone.value ? "store gone" : "live"}
+          </span>
+        )}
         <span class="push" />
         <Theme />
         <button class="quiet icon" aria-label="Keys" title="Keys (?)" onClick={() => (helpOpen.value = true)}>

@@ -1,5 +1,5 @@
 // What is not shown and why, and work that is not finished.
-import { document, failure, live, lost, running } from "../state";
+import { document, failure, gone, live, lost, running } from "../state";
 import { Work } from "./running";
 import "./notices.css";
 
@@ -8,7 +8,7 @@ const SHOWN_AT_ONCE = 2;
 
 export function Notices() {
   const doc = document.value;
-  if (!doc || (doc.missing.length === 0 && running.value.length === 0 && !failure.value && !lost.value)) return null;
+  if (!doc || (doc.missing.length === 0 && running.value.length === 0 && !failure.value && !lost.value && !gone.value)) return null;
   return (
     <section class="notices" aria-label="notices">
       {failure.value && (
@@ -20,6 +20,12 @@ export function Notices() {
         <p class="notice failed" role="alert" data-lost>
           The server has not answered since {lost.value.toLocaleTimeString()}: what is shown may be out of date. It is
           asked again every few seconds; where it was ended, `atw-mcp view` starts another.
+        </p>
+      )}
+      {live.value && gone.value && (
+        <p class="notice failed" role="alert" data-gone>
+          The store is no longer at {gone.value}: it was removed, renamed or replaced, and what is shown may be out of
+          date. Put it back, or start `atw-mcp view` with --store and its new place.
         </p>
       )}
       {running.value.map((work) => (
