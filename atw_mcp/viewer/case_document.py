@@ -64,6 +64,7 @@ def case_document(
 
 def _case_view(read: CaseRecords) -> view.CaseView:
     case, cases = read.case, read.store.cases
+    rate = float(case.facts.get("frames_per_second") or 0.0)
     try:
         questions, answers = cases.questions(case.id), cases.answers(case.id)
         bindings = list(cases.bindings(case.id).values())
@@ -88,6 +89,7 @@ def _case_view(read: CaseRecords) -> view.CaseView:
         ],
         bindings=[view.Binding(name=b.name, track=b.track, object=b.object) for b in bindings],
         committed_world=case.committed_world,
+        file_seconds_per_frame=1.0 / rate if rate > 0.0 else None,
     )
 
 

@@ -72,6 +72,9 @@ class CaseView(Part):
     answers: list[Answer] = Field(description="oldest first")
     bindings: list[Binding]
     committed_world: str | None
+    file_seconds_per_frame: float | None = Field(
+        default=None, description="by the rate that the video's file states [s], which is not always physical time"
+    )
 
 
 class EvidenceRow(Part):

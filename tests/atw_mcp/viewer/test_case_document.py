@@ -105,6 +105,15 @@ def test_a_branch_names_its_edit_and_its_base(written: tuple[Path, str, str], sh
     assert {e.kind for e in comparison.gone} >= {"contact_begin"}
 
 
+def test_time_of_a_video_without_a_world_is_that_of_its_file(tmp_path: Path) -> None:
+    store = EvidenceStore(tmp_path / "atw.db")
+    store.cases.add("fast", content="a", kind="video", path="fast.avi", facts={"frames_per_second": 60.0})
+    store.cases.add("silent", content="b", kind="video", path="silent.avi", facts={"frames_per_second": 0.0})
+    store.close()
+    assert read(tmp_path / "atw.db", "fast").case.file_seconds_per_frame == 1 / 60
+    assert read(tmp_path / "atw.db", "silent").case.file_seconds_per_frame is None
+
+
 def test_events_energies_and_floor(shown: Shown) -> None:
     first = shown.document.rollouts[0]
     contact = next(e for e in first.events if e.kind == "contact_begin")

@@ -75,6 +75,8 @@ export interface CaseView {
   answers: Answer[];
   bindings: Binding[];
   committed_world: string | null;
+  /** by the rate that the video's file states [s], which is not always physical time */
+  file_seconds_per_frame: number | null;
 }
 
 /** The probability of a statement that an ensemble was asked about. */

@@ -60,10 +60,19 @@ export const world = computed(() => {
 });
 export const otherWorld = computed(() => worldOf(other.value?.world ?? null));
 
-/** Time from one frame of the video to the next [s]; without a world that says it, that of 25 frames a second. */
+/** Time from one frame of the video to the next as a world says it [s]; null where none does. */
+const modelled = computed(() => world.value?.seconds_per_frame || document.value?.worlds.at(-1)?.seconds_per_frame || null);
+
+/** Time from one frame of the video to the next [s]: without a world by the file's rate, else of 25 frames a second. */
 export const secondsPerFrame = computed(
-  () => world.value?.seconds_per_frame || document.value?.worlds.at(-1)?.seconds_per_frame || 0.04,
+  () => modelled.value ?? document.value?.case.file_seconds_per_frame ?? 0.04,
 );
+
+/** Where the time is not that of a world, what it is: time as the video's file has it. */
+export const timeBase = computed(() => {
+  if (modelled.value !== null || !document.value?.film) return "";
+  return document.value.case.file_seconds_per_frame ? "file time" : "at 25 frames a second: the file states no rate";
+});
 
 /** When the last frame of the video begins [s]; null where no video was observed. */
 export const filmEnd = computed(() => {

@@ -4,7 +4,7 @@ import { happening, stepEvent, visibleLanes } from "../events";
 import { moment } from "../format";
 import { Icon, type IconName } from "../icons";
 import { SPEEDS, stepFrame, togglePlay } from "../keys";
-import { document, duration, filmEnd, frame, loop, nearestFrame, playing, secondsPerFrame, seek, speed, time } from "../state";
+import { document, duration, filmEnd, frame, loop, nearestFrame, playing, secondsPerFrame, seek, speed, time, timeBase } from "../state";
 import "./transport.css";
 
 const FRACTIONS: Record<number, string> = { 0.0625: "1/16", 0.125: "1/8", 0.25: "1/4", 0.5: "1/2" };
@@ -75,6 +75,11 @@ function Clock() {
     <p class="clock number" data-time={time.value} data-frame={frame.value}>
       <b>{time.value.toFixed(3)} s</b>
       <span class="soft length">of {moment(duration.value)}</span>
+      {timeBase.value && (
+        <span class="chip" data-time-base title="No world says yet how much time passes from frame to frame">
+          {timeBase.value}
+        </span>
+      )}
       {filmEnd.value !== null && (
         <span class="soft">
           {beyond ? `beyond the ${document.value!.case.kind === "video" ? "video" : "data"}` : `frame ${nearestFrame.value}${lastFrame()}`}
