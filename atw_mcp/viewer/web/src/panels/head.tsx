@@ -114,12 +114,19 @@ function trace(answer: Answer): void {
   const view = document.value!.case;
   record.value = `answer-${view.answers.indexOf(answer) + 1}-${view.id}`;
   tab.value = "provenance";
+  bringUp();
+}
+
+/** Scroll to the panels below the timeline, once what was chosen is drawn there. */
+function bringUp(): void {
+  requestAnimationFrame(() => window.document.getElementById("details")?.parentElement?.scrollIntoView({ block: "nearest" }));
 }
 
 /** Show a row of evidence in its list. */
 export function cite(id: string): void {
   evidence.value = id;
   tab.value = "evidence";
+  bringUp();
 }
 
 function Theme() {

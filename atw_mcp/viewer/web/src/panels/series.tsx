@@ -7,6 +7,7 @@ import { digits, moment, unitText, words } from "../format";
 import { legible } from "../legible";
 import { document, duration, object, observedRun as run, other, otherWorld, rollout, time, track, world } from "../state";
 import { dark } from "../theme";
+import { LargestResiduals } from "./largest_residuals";
 import {
   holders,
   measures,
@@ -76,6 +77,7 @@ export function Series() {
   return (
     <div class="series">
       <Controls />
+      <LargestResiduals />
       <div class="body">
         <Plot />
         <Values measure={measure.value} />
