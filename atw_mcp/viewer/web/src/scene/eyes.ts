@@ -73,6 +73,7 @@ export class Eyes {
   /** Fit the whole motion into view. */
   reset(): void {
     if (!this.subject) return;
+    this.following = false; // what is followed is put into the middle again, as when it is chosen
     const { extent, normal } = this.subject;
     const centre = extent.getCenter(new Vector3());
     for (const controls of [this.turning, this.shifting]) {
