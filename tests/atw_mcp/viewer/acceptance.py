@@ -35,6 +35,7 @@ MATERIALS = ("rope", "cloth", "soft", "fluid", "tap", "joints", "discs", "fifty"
 EDITS: TypeAdapter[list[Intervention]] = TypeAdapter(list[Intervention])
 STARTED = 60.0  # [s] that the command that serves may take to start on a machine that is shared
 AT_REST = 200.0  # [ms] without a motion of the eye, which a slow machine draws every 100 ms or so
+LOOKS = 40  # so many of these until the eye has to be at rest
 SCRUBBER_MARGIN = 10.0  # px; MARGIN of timeline_view.ts
 Array = NDArray[np.float64]
 
@@ -183,22 +184,25 @@ class Reader:
         )
         return {(rollout, name): float(value or "nan") for rollout, name, value in rows}
 
-    def labels(self) -> dict[str, Array]:
-        """Where the scene's names point to once the eye has come to rest, by object [px from the scene's corner]."""
+    def label(self, name: str) -> Array:
+        """Where the scene's name of an object points to once the eye has come to rest [px from the scene's corner]."""
         before, found = None, self._labels()
-        while found != before:
+        for _ in range(LOOKS):
             self.page.wait_for_timeout(AT_REST)
             before, found = found, self._labels()
-        return {name: np.array([float(x), float(y)]) for name, x, y in found}
+            if found == before and name in found:
+                break
+        assert name in found, f"no name {name} in sight, only {list(found)}"
+        return np.array(found[name])
 
-    def _labels(self) -> list[list[str]]:
+    def _labels(self) -> dict[str, list[float]]:
         self.settle()
         found: list[list[str]] = self.page.eval_on_selector_all(
             ".scene-label.name",
             "all => all.filter(l => l.checkVisibility({visibilityProperty: true}))"
             ".map(l => [l.dataset.object, l.dataset.x, l.dataset.y])",
         )
-        return found
+        return {name: [float(x), float(y)] for name, x, y in found}
 
     def data(self, selector: str) -> list[dict[str, str]]:
         """The data attributes of all elements that match."""

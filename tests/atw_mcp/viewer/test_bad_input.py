@@ -191,7 +191,7 @@ def test_film_that_the_browser_cannot_play_leaves_outlines_and_scene(
     path = tmp_path / "film.html"
     path.write_text(page(packed(shown.model_copy(update={"film": film}), blocks)), encoding="utf-8")
     opened = pages.open(path)
-    opened.wait_for_function("document.querySelector('.film-legend [role=status]')?.innerText.includes('video')")
+    opened.wait_for_selector(".film-legend [role=status]:has-text('video')")
     opened.wait_for_selector('.film[data-observed~="striker"]')
     reader = Reader(opened)
     reader.scrub(0.5)
