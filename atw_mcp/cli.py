@@ -76,12 +76,13 @@ def _read(given: list[str]) -> argparse.Namespace:
     """Read a command line; key=value may come before, between and after options."""
     parser = _parser()
     options, rest = parser.parse_known_args(given)
-    pairs = getattr(options, "pairs", None)
+    if not rest:
+        return options
+    pairs: list[str] | None = getattr(options, "pairs", None)
     # argparse takes what is repeated from one place only
-    if rest and (pairs is None or any(word.startswith("-") for word in rest)):
+    if pairs is None or any(word.startswith("-") for word in rest):
         parser.error(f"unrecognized arguments: {' '.join(rest)}")
-    if rest:
-        options.pairs = [*pairs, *rest]
+    options.pairs = [*pairs, *rest]
     return options
 
 

@@ -91,6 +91,16 @@ def test_wrong_usage_has_exit_code_2(capfd: pytest.CaptureFixture[str], argument
 
 
 @pytest.mark.usefixtures("server_here")
+def test_arguments_of_a_tool_may_follow_options(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    before = run(capfd, "call", "OpenCase", "nonsense=1", "--store", str(tmp_path / "atw.db"))
+    after = run(capfd, "call", "OpenCase", "--store", str(tmp_path / "atw.db"), "nonsense=1")
+    assert after == before
+    assert "no argument 'nonsense'" in after[2]
+    code, _, err = run(capfd, "tools", "OpenCase", "x=1")
+    assert code == 2
+    assert "unrecognized arguments: x=1" in err
+
+
 def test_unknown_tool_is_wrong_usage(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     code, _, err = run(capfd, "call", "OpenKase", "--store", str(tmp_path / "atw.db"))
     assert code == 2

@@ -18,6 +18,7 @@ from atw_mcp.cases.cases import content_hash
 from atw_mcp.cli import main
 from atw_mcp.viewer import page
 from atw_mcp.viewer.live.access import Access
+from atw_mcp.viewer.live.content import CaseFollower, LiveContent
 from atw_mcp.viewer.live.site import Site
 from atw_mcp.viewer.packing import unpacked
 from evidence_store import Evidence, EvidenceStore
@@ -174,6 +175,21 @@ def test_a_stream_tells_of_records_and_progress_from_another_connection(site: Si
     assert (work["message"], work["seconds_left"]) == ("generation 1 of 4", 150.0)
     assert work["curve"]["best"] == [0.003]
     assert ended["running"] == []
+
+
+def test_follower_notices_that_the_store_was_renamed(writer: EvidenceStore) -> None:
+    store = EvidenceStore.to_read(writer.path)
+    follower = CaseFollower(LiveContent(store), "ball")
+    assert not follower.gone()
+    elsewhere = writer.path.rename(writer.path.with_name("elsewhere.db"))
+    assert follower.gone()
+    writer.path.write_bytes(elsewhere.read_bytes())  # another file, which it does not follow
+    assert follower.gone()
+    writer.path.unlink()
+    elsewhere.rename(writer.path)
+    assert not follower.gone()
+    follower.close()
+    store.close()
 
 
 @pytest.mark.parametrize(("version", "said"), [(VERSION + 1, "update atw-mcp"), (1, "doctor")])

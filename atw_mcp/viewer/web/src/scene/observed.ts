@@ -1,16 +1,16 @@
 // Measured positions: a dot at each, those to come faint, and a ring where an object was seen last.
-import { Color, Group } from "three";
+import { Color, Group, Vector3 } from "three";
 import type { Moving, Tracks } from "../document";
+import { words } from "../format";
 import type { Opened } from "../unpack";
 import { Dots } from "./dots";
 import type { Label } from "./labels";
 import { Lines } from "./lines";
 import { distinct } from "./palette";
 import { nearestMeasurement } from "./samples";
-import { words } from "../format";
-import { Vector3 } from "three";
 
-/** Dots of one object at most: as many as an eye tells apart on a screen. */
+
+/** Dots of one object at most: as many as a screen can show apart. */
 const MOST = 400;
 /** Okabe-Ito colours of what no world has given one. */
 const COLORS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9"];
@@ -62,7 +62,7 @@ export class Observed {
     return Number.isFinite(this.positions[at]! + this.positions[at + 1]! + this.positions[at + 2]!);
   }
 
-  /** Move to `t` [s]; returns the names of what is seen then. */
+  /** Move to `t` [s]; returns labels of what is seen then. */
   setTime(t: number): Label[] {
     this.lines.now = t;
     this.past.clear();
