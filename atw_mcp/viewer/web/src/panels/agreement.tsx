@@ -1,11 +1,8 @@
 // How far the world that answers rest on is from what was measured: whether to believe it.
 import type { RolloutView, ViewDocument } from "../document";
 import { quantity, words } from "../format";
-import { document, opened, tab } from "../state";
+import { document, opened } from "../state";
 import type { Opened } from "../unpack";
-
-/** How FitWorld's verdict begins what speaks against a fit. */
-const DOUBT = /\bPOOR fit\b|\bWARNING\b/g;
 
 export function Agreement() {
   const doc = document.value!;
@@ -18,22 +15,12 @@ export function Agreement() {
       </p>
     );
   const { distance, noise } = agreement(opened.value!, doc, found);
-  const fit = doc.fits.findLast((one) => one.world === found.world);
-  const doubts = (fit?.summary.match(DOUBT) ?? []).length;
   const worst = found.misfits.reduce((a, b) => ((b.rms ?? 0) > (a.rms ?? 0) ? b : a));
   return (
     <p class="small agreement" data-agreement={distance} data-noise={noise ?? ""} data-rollout={found.id}>
       Rollout “{found.label}” is <b>{quantity(distance, "m", 3)}</b> rms from the measured positions
       {found.misfits.length > 1 && ` (most: ${words(worst.object)}, ${quantity(worst.rms, "m", 3)})`}
       {noise !== null && `; a measured coordinate is uncertain by ${quantity(noise, "m", 2)} (1 σ)`}.
-      {doubts > 0 && (
-        <>
-          {" "}
-          <button class="link" data-doubts={doubts} onClick={() => (tab.value = "fits")}>
-            {doubts === 1 ? "Its fit has a warning." : `Its fit has ${doubts} warnings.`}
-          </button>
-        </>
-      )}
     </p>
   );
 }

@@ -2,7 +2,7 @@
 import { computed } from "@preact/signals";
 import type { Answer, Following, WorldView } from "../document";
 import { digits, quantity } from "../format";
-import { document } from "../state";
+import { document, tab } from "../state";
 import { cite } from "./head";
 
 const WORDS: Record<Following["verdict"], { text: string; chip: string }> = {
@@ -19,28 +19,23 @@ const world = computed<WorldView | null>(() => {
   return doc?.worlds.find((w) => w.id === doc.case.committed_world) ?? null;
 });
 
-/** Root mean square distance to what was observed, of the world's latest rollout [m]; null where nothing was. */
-function rmsOf(shown: WorldView): number | null {
-  const misfits = document.value!.rollouts.findLast((r) => r.world === shown.id)?.misfits ?? [];
-  const found = misfits.map((m) => m.rms).filter((rms) => rms !== null);
-  return found.length ? Math.sqrt(found.reduce((sum, rms) => sum + rms * rms, 0) / found.length) : null;
-}
-
 /** A line of the header. */
 export function Trust() {
   const shown = world.value;
   if (!shown) return null;
   const found = shown.follows;
-  const rms = found ? found.rms : rmsOf(shown);
   return (
-    <div class="trust small" data-verdict={found?.verdict ?? ""} data-value={rms ?? ""}>
+    <div class="trust small" data-verdict={found?.verdict ?? ""} data-value={found?.rms ?? ""}>
       <span class="soft">Answers rest on</span> <b>{shown.label}</b>
       {found ? (
         <span class={`chip ${WORDS[found.verdict].chip}`}>{WORDS[found.verdict].text}</span>
+      ) : document.value!.gaps.length > 0 ? (
+        <button class="link" onClick={() => (tab.value = "gap")}>
+          judged by the gap it leaves
+        </button>
       ) : (
         <span class="soft">not judged by a fit</span>
       )}
-      {rms !== null && <span class="number">{quantity(rms, "m", 3)} rms from the observation</span>}
       {found && found.rms_held_out !== null && (
         <span class="number soft">held out: {quantity(found.rms_held_out, "m", 3)} rms</span>
       )}
