@@ -226,6 +226,7 @@ class Moving(Part):
     color: str = Field(description="#rrggbb")
     mass: float | None = Field(description="[kg]")
     shape: Shape | None = Field(description="of a rigid object")
+    form: str = Field(default="", description="its shape in words, where that says more than `shape`: 5 boxes")
     radius: float | None = Field(description="of a rope's line or a fluid's particle [m]")
     segments: Block | None = Field(description="int32 (s, 2): points that a rope joins")
     triangles: Block | None = Field(description="int32 (t, 3): points that are corners of cloth or of a soft surface")

@@ -44,6 +44,16 @@ def shape_view(shape: BodyShape | StaticShape, blocks: Blocks) -> view.Shape:
     return view.Mesh(vertices=blocks.floats(vertices), triangles=blocks.integers(triangles))
 
 
+def form_words(shape: BodyShape) -> str:
+    """Return what a shape that the page draws as triangles is, in words; empty for others."""
+    if isinstance(shape, Compound):
+        kinds = {part.shape.kind.replace("_", " ") for part in shape.parts}
+        plural = {"box": "boxes", "convex mesh": "convex meshes"}
+        (kind,) = kinds if len(kinds) == 1 else ("piece",)
+        return f"{len(shape.parts)} {plural.get(kind, kind + 's') if len(shape.parts) > 1 else kind}"
+    return "convex mesh" if isinstance(shape, ConvexMesh) else ""
+
+
 def _triangles(shape: ConvexMesh | Compound | Wall | TriangleMesh) -> tuple[ArrayLike, ArrayLike]:
     """Vertices (k, 3) and triangles (t, 3) of a shape."""
     if isinstance(shape, TriangleMesh):

@@ -11,7 +11,7 @@ from atw_mcp.viewer import document as view
 from atw_mcp.viewer.colors import hex_color
 from atw_mcp.viewer.effects import effect_marks
 from atw_mcp.viewer.packing import Blocks
-from atw_mcp.viewer.shapes import shape_view
+from atw_mcp.viewer.shapes import form_words, shape_view
 from atw_mcp.viewer.starts import start_of, start_view
 from atw_mcp.worlds.marks import held_nodes
 from polyworld.model import mesh_of
@@ -65,6 +65,7 @@ def world_view(
                     color=colors[item.name],
                     mass=object_mass(item),
                     shape=shape_view(item.shape, blocks),
+                    form=form_words(item.shape),
                     radius=None,
                     segments=None,
                     triangles=None,

@@ -28,10 +28,15 @@ THREADS = 2  # that read the store, each with a connection of its own
 RANGE = re.compile(r"bytes=(\d*)-(\d*)")
 POLICY = re.compile(r'http-equiv="Content-Security-Policy" content="([^"]*)"')
 LIST_STYLE = """
-:root { color-scheme: light dark; font: 15px/1.5 system-ui, sans-serif; }
-body { max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
-li { margin: 0.75rem 0; }
-small { display: block; opacity: 0.75; }
+:root { color-scheme: light dark; font: 0.875rem/1.5 system-ui, sans-serif; }
+body { max-width: 60rem; margin: 2rem auto; padding: 0 1rem; background: light-dark(#f3f5f7, #0e1115);
+  color: light-dark(#14181d, #e9edf1); }
+h1 { font-size: 1.25rem; }
+ul { display: grid; gap: 0.5rem; margin: 0; padding: 0; list-style: none; }
+li { padding: 0.5rem 0.75rem; border: 1px solid light-dark(#d9dee4, #2b323b); border-radius: 6px;
+  background: light-dark(#ffffff, #171b21); overflow-wrap: anywhere; }
+a { color: light-dark(#00659e, #62b9ec); font-weight: 650; }
+small { display: block; color: light-dark(#4a5460, #a9b3be); }
 """
 Result = TypeVar("Result")
 
@@ -132,7 +137,8 @@ def _name(request: Request) -> str:
 
 def _row(store: EvidenceStore, case: Case) -> str:
     asked = store.cases.questions(case.id)
-    said = f"{len(store.cases.worlds(case.id))} worlds, {len(store.cases.answers(case.id))} answers"
+    counts = ("world", len(store.cases.worlds(case.id))), ("answer", len(store.cases.answers(case.id)))
+    said = ", ".join(f"{count} {name}{'' if count == 1 else 's'}" for name, count in counts)
     file = case.path.replace("\\", "/").rsplit("/", 1)[-1]
     about = "; ".join(part for part in (file, said, asked[0] if asked else "") if part)
     return (

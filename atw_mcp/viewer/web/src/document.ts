@@ -388,6 +388,8 @@ export interface Moving {
   mass: number | null;
   /** of a rigid object */
   shape: Sphere | Box | Cylinder | Capsule | Mesh | Plane | null;
+  /** its shape in words, where that says more than `shape`: 5 boxes */
+  form: string;
   /** of a rope's line or a fluid's particle [m] */
   radius: number | null;
   /** int32 (s, 2): points that a rope joins */

@@ -55,7 +55,7 @@ function massOf(of: WorldView, { name, mass }: Moving): { text: string; note: st
 
 function Row({ moving, of, note }: { moving: Moving; of: WorldView; note: string }) {
   const { name } = moving;
-  const kind = moving.kind === "rigid" && moving.shape ? moving.shape.kind : moving.kind;
+  const kind = moving.form || (moving.kind === "rigid" && moving.shape ? moving.shape.kind : moving.kind);
   const mass = massOf(of, moving);
   const misfit = of === world.value ? rollout.value?.misfits.find((m) => m.object === name) : undefined;
   const about = [

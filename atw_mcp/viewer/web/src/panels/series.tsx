@@ -44,7 +44,15 @@ const shown = computed(() => {
   return picked.length ? picked : names.value.slice(0, AT_FIRST);
 });
 const colors = computed(
-  () => new Map([...(otherWorld.value?.moving ?? []), ...(world.value?.moving ?? [])].map((m) => [m.name, m.color])),
+  () =>
+    new Map(
+      [
+        ...(document.value?.observed?.objects ?? []),
+        ...(document.value?.worlds.at(-1)?.moving ?? []), // before a rollout
+        ...(otherWorld.value?.moving ?? []),
+        ...(world.value?.moving ?? []),
+      ].map((m) => [m.name, m.color]),
+    ),
 );
 
 interface Drawn extends Line {

@@ -180,7 +180,9 @@ function drawLabels(u: uPlot, lines: Line[]): void {
     const end = lastShown(u, k + 1);
     return end ? [{ line, x: end[0] - 4 * scale, y: end[1] - 10 * scale }] : [];
   });
-  spread(labels, 13 * scale, u.bbox.top + 8 * scale, u.bbox.top + u.bbox.height - 8 * scale);
+  const [apart, margin] = [13 * scale, 8 * scale];
+  labels.splice(Math.max(1, Math.floor((u.bbox.height - 2 * margin) / apart) + 1)); // the table names the others
+  spread(labels, apart, u.bbox.top + margin, u.bbox.top + u.bbox.height - margin);
   for (const { line, x, y } of labels) {
     ctx.strokeText(line.label, x, y);
     ctx.fillStyle = legible(line.color);
