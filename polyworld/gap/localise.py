@@ -73,9 +73,10 @@ class Localisation:
         text += "; " + "; ".join(contrasts) if contrasts else ", alike in all runs, objects, phases, regions and speeds"
         if self.onsets:
             first = self.onsets[0]
+            count = len({o.run for o in self.onsets})
             text += (
-                f". {len({o.run for o in self.onsets})} runs show when it begins, the earliest {first.name} in run "
-                f"{first.run} at {first.time:.3g} s"
+                f". {count} {'run shows' if count == 1 else 'runs show'} when it begins, the earliest {first.name} in "
+                f"run {first.run} at {first.time:.3g} s"
             )
         return text + "."
 
