@@ -31,7 +31,7 @@ def effect_marks(world: World, runs: Sequence[Trajectory], blocks: Blocks) -> li
         view.EffectMark(
             name=effect.name,
             kind=effect.kind,
-            title=_standard_name(effect),
+            title=standard_name(effect),
             law=law_of(effect).summary,
             enabled=effect.enabled,
             objects=None if effect.objects is None else list(effect.objects),
@@ -45,7 +45,7 @@ def effect_marks(world: World, runs: Sequence[Trajectory], blocks: Blocks) -> li
     ]
 
 
-def _standard_name(effect: Effect) -> str:
+def standard_name(effect: Effect) -> str:
     """Return the name under which the gap workflow proposes an effect; empty where that is its kind."""
     return ABSENCES[effect.kind].effect if effect.kind in ABSENCES else ""
 

@@ -13,12 +13,13 @@ from atw_mcp.observation.track_records import TrackRecord, at_rate
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.viewer.document import EditWords
 from atw_mcp.viewer.edits import branch_label, edit_words
+from atw_mcp.viewer.effects import standard_name
 from atw_mcp.worlds.rollouts import rollout_from
 from evidence_store import Case, Descent, Evidence, EvidenceStore, StoreError, UnknownRecord
 from polyworld.data.recording import Recording
 from polyworld.data.tracks import ObservedTracks
 from polyworld.trajectory import Rollout
-from polyworld.world import World
+from polyworld.world import Effect, World
 
 MOST_ROLLOUTS = 16  # as many as a list shows at once; those used last
 MOST_WORLDS = 40  # likewise of worlds that no rollout shown is of
@@ -84,7 +85,7 @@ class CaseRecords:
         descent = self.descents.get(world)
         if origin == "effect_added" and descent is not None and descent.parent in self.worlds:
             before = {effect.name for effect in self.worlds[descent.parent].effects}
-            added = [effect.name for effect in self.worlds[world].effects if effect.name not in before]
+            added = [_effect_words(effect) for effect in self.worlds[world].effects if effect.name not in before]
             return f"with {', '.join(added)}" if added else "with effects fitted again"
         return LABELS.get(origin, origin.replace("_", " "))
 
@@ -230,6 +231,12 @@ def _base_of(read: CaseRecords, rollout: str) -> str | None:
         return None
     others = [k for k, other in read.rollouts.items() if other.world_id == descent.parent]
     return min(others, key=lambda k: abs(read.rollouts[k].horizon - result.horizon), default=None)
+
+
+def _effect_words(effect: Effect) -> str:
+    """Return an effect's name, with its standard name where that is another and its own does not say it."""
+    standard = standard_name(effect)
+    return f"{effect.name} ({standard.replace('_', ' ')})" if standard and standard not in effect.name else effect.name
 
 
 def _sentence(text: str) -> str:

@@ -9,7 +9,6 @@ import { Lines } from "./lines";
 import { distinct } from "./palette";
 import { nearestMeasurement } from "./samples";
 
-
 /** Dots of one object at most: as many as a screen can show apart. */
 const MOST = 400;
 /** Okabe-Ito colours of what no world has given one. */
