@@ -24,10 +24,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from polyworld.executors import Failure, add_executor_argument, executor_from
+from tests.benchmarks import questions_clevrer, questions_pulleys
 from tests.benchmarks.question_folders import CAMERA, Asked, AskedPulleys, clevrer_scenes, pulley_scenes
 from tests.benchmarks.question_scores import SceneRun, causes, print_rows, rows
-from tests.benchmarks.questions_clevrer import run_clevrer
-from tests.benchmarks.questions_pulleys import run_pulleys
 from tests.scenes.clevrer_data import default_folder
 
 SOLIDS, PULLEYS = "0-2", "0-2"
@@ -41,8 +40,8 @@ def run_piece(piece: Piece) -> SceneRun:
     """Answer the questions about one scene from one source."""
     scene, source, store = piece
     if isinstance(scene, AskedPulleys):
-        return run_pulleys(scene, source, store)
-    return run_clevrer(scene, source, store)
+        return questions_pulleys.run_pulleys(scene, source, store)
+    return questions_clevrer.run_clevrer(scene, source, store)
 
 
 def pieces_of(folder: Path, sources: Sequence[Source], camera: Path, out: Path | None) -> dict[str, Piece]:
@@ -73,8 +72,7 @@ def answer(pieces: Mapping[str, Piece], executor: str, out: Path | None) -> list
     with executor_from(executor) as workers:
         for number, (key, outcome) in enumerate(workers.run(run_piece, left), start=1):
             if isinstance(outcome, Failure):
-                scene, source, _ = pieces[key]
-                outcome = SceneRun(scene.number, key.partition("-")[0], source, failed=outcome.error)
+                outcome = _lost(pieces[key], outcome.error)
             elif out is not None:
                 unfinished = out / "answers" / f"{key}.part"
                 unfinished.write_text(json.dumps(outcome.to_dict()))
@@ -83,6 +81,14 @@ def answer(pieces: Mapping[str, Piece], executor: str, out: Path | None) -> list
             passed = time.perf_counter() - started
             print(f"[{passed:5.0f} s] {number} of {len(left)}: {_in_words(key, outcome)}", file=sys.stderr, flush=True)
     return [done[key] for key in pieces]
+
+
+def _lost(piece: Piece, why: str) -> SceneRun:
+    """Return a scene that failed as a whole: its questions count as not answered."""
+    scene, source, _ = piece
+    if isinstance(scene, AskedPulleys):
+        return questions_pulleys.unanswered(scene, source, why)
+    return questions_clevrer.unanswered(scene, source, why)
 
 
 def _in_words(key: str, run: SceneRun) -> str:

@@ -41,6 +41,13 @@ def run_clevrer(scene: Asked, source: Source, store: Path | None = None) -> Scen
     return run
 
 
+def unanswered(scene: Asked, source: Source, why: str) -> SceneRun:
+    """Return a scene of which no question was answered."""
+    run = SceneRun(scene.number, GROUP, source, failed=why)
+    run.questions = [_judged(scene.number, asked, None, None, None, why) for asked in scene.questions]
+    return run
+
+
 async def _work(scene: Asked, source: Source, run: SceneRun, store: Path | None) -> Facts | None:
     given = scene.video if source == "video" else scene.annotation
     if given is None:

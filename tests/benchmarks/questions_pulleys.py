@@ -46,6 +46,13 @@ def run_pulleys(scene: AskedPulleys, source: Source, store: Path | None = None) 
     return run
 
 
+def unanswered(scene: AskedPulleys, source: Source, why: str) -> SceneRun:
+    """Return a video of which no question was answered."""
+    run = SceneRun(scene.number, GROUP, source, failed=why)
+    anyio.run(_ask, scene, run, None)
+    return run
+
+
 async def _work(scene: AskedPulleys, source: Source, run: SceneRun, store: Path | None) -> None:
     allow = [p for p in (scene.outputs, scene.video) if p is not None]
     with tempfile.TemporaryDirectory() as scratch:
@@ -58,10 +65,14 @@ async def _work(scene: AskedPulleys, source: Source, run: SceneRun, store: Path 
                 run.figures["rmse"] = answering.world.rmse
             except (RuntimeError, KeyError) as error:
                 run.failed = str(error)[:500]
-            for family, items in scene.questions.items():
-                for item in items:
-                    run.questions.append(await _judged(scene.number, family, item, answering, run.failed or ""))
+            await _ask(scene, run, answering)
             run.calls = call.calls
+
+
+async def _ask(scene: AskedPulleys, run: SceneRun, answering: Answering | None) -> None:
+    for family, items in scene.questions.items():
+        for item in items:
+            run.questions.append(await _judged(scene.number, family, item, answering, run.failed or ""))
 
 
 async def _judged(number: str, family: str, item: dict[str, Any], answering: Answering | None, failed: str) -> Question:
@@ -75,7 +86,7 @@ async def _judged(number: str, family: str, item: dict[str, Any], answering: Ans
         for letter, feature in program["choices"].items():
             said, line, note = await _tried(answering, family, program, feature, failed)
             options.append(Judged(said, letter in right, line, note))
-    question = Question(number, GROUP, KINDS[family], item["question"], tuple(options), "", family)
+    question = Question(number, GROUP, KINDS.get(family, family), item["question"], tuple(options), "", family)
     why = "" if question.correct else "no world" if answering is None else _cause(question, family)
     return Question(number, GROUP, question.kind, question.text, question.options, why, family)
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.benchmarks import questions_clevrer, questions_pulleys
 from tests.benchmarks.clevrer_programs import Happening, Known, Thing
 from tests.benchmarks.pulley_worlds import Layout
-from tests.benchmarks.question_folders import clevrer_scenes, pulley_scenes
+from tests.benchmarks.question_folders import Asked, AskedPulleys, clevrer_scenes, pulley_scenes
 from tests.benchmarks.question_scores import Judged, Question, SceneRun, causes, rows, wilson
 from tests.benchmarks.question_worlds import Track, annotated, named_shapes, straight
 from tests.benchmarks.questions_clevrer import cause, same_events
@@ -52,6 +53,21 @@ def test_wilson_intervals_are_those_of_the_tables() -> None:
 def test_a_kept_run_reads_as_it_was() -> None:
     run = SceneRun("7", "CLEVRER", "video", 3.0, 20, None, {"rmse": 0.01}, [asked("predictive", (True, False))])
     assert SceneRun.from_dict(json.loads(json.dumps(run.to_dict()))) == run
+
+
+def test_questions_of_a_scene_that_failed_count_as_wrong() -> None:
+    choices = [{"program": [], "answer": "correct"}, {"program": [], "answer": "wrong"}]
+    predictive = {"question": "?", "question_type": "predictive", "program": [], "choices": choices}
+    lost = questions_clevrer.unanswered(Asked("7", None, None, Path(), (predictive,)), "video", "its worker died")
+    open_ended = {"question": "?", "answer": "yes", "program": [], "answer_type": "open_ended"}
+    pulleys = AskedPulleys("8", None, Path(), {"mass": [open_ended]})
+    also = questions_pulleys.unanswered(pulleys, "video", "its worker died")
+    table = rows([*lost.questions, *also.questions])
+    assert [(r.kind, r.options, r.questions, r.right_questions, r.unanswered) for r in table] == [
+        ("predictive", 2, 1, 0, 2),
+        ("property", 1, 1, 0, 1),
+    ]
+    assert lost.questions[0].cause == also.questions[0].cause == "no world"
 
 
 def test_scenes_are_found_in_the_layout_of_the_downloads(tmp_path: Path) -> None:
