@@ -50,9 +50,9 @@ export function scaled(x: number, unit: string): { factor: number; unit: string 
   return { factor: grams ? factor / 1000 : factor, unit: `${prefix}${grams ? "g" : first}${unitText(rest)}` };
 }
 
-/** A moment [s] to the millisecond. */
+/** A moment [s] to the millisecond; a half is rounded up, also where float32 holds a little less than it. */
 export function moment(t: number): string {
-  return `${sign(t.toFixed(3))} s`;
+  return `${sign((Math.round(t * 1e3 + 1e-4) / 1e3).toFixed(3))} s`;
 }
 
 /** A span of waiting [s], coarsely: 45 s, 12 min, 3 h. */

@@ -73,7 +73,7 @@ function Clock() {
   const beyond = filmEnd.value !== null && nearestFrame.value > Math.round(filmEnd.value / secondsPerFrame.value);
   return (
     <p class="clock number" data-time={time.value} data-frame={frame.value}>
-      <b>{time.value.toFixed(3)} s</b>
+      <b>{moment(time.value)}</b>
       <span class="soft length">of {moment(duration.value)}</span>
       {timeBase.value && (
         <span class="chip" data-time-base title="No world says yet how much time passes from frame to frame">
