@@ -1,5 +1,5 @@
 // Inside an MCP host: the host hands over a tool's call and result, and forwards requests to the server.
-import { moment } from "./format";
+import { moment as seconds } from "./format";
 import { effect } from "@preact/signals";
 import { appearance, reportSize } from "./appearance";
 import { read } from "./case_reader";
@@ -191,7 +191,7 @@ function words(error: unknown): string {
 function moment(): string {
   const run = rollout.value;
   const { case: name } = hosted.value!.call;
-  const at = moment(time.value);
+  const at = seconds(time.value);
   const parts = [run ? `rollout ${run.id} (${run.label}) at ${at}` : `the video at ${at}`];
   if (layout.value !== "one" && compared.value) parts.push(`compared with rollout ${compared.value}`);
   if (object.value) parts.push(`with the object ${object.value} chosen`);
