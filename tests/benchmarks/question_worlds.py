@@ -102,10 +102,13 @@ async def _model(call: Caller, case: str, scene: Asked, source: Source) -> None:
     if source == "annotation":
         await call("ImportObservation", case=case, kind="tracks", path=str(scene.annotation))
     else:
-        observed = await call("ObserveObjects", case=case)
+        await call("ObserveObjects", case=case)
         plane = json.loads(scene.camera.read_text())
         await call("CalibrateCamera", case=case, homography=plane["H"], plane_z=HALF_SIZE)
-        seen = {str(o["name"]): _kind(o) for o in observed["data"]["objects"]}
+        # By the camera BuildWorld reads shapes from silhouettes better than an observation without it.
+        draft = await call("BuildWorld", case=case, seconds_per_frame=SECONDS_PER_FRAME, representation="planar")
+        looked = await call("InspectWorld", case=case, world=draft["data"]["world"])
+        seen = {t.name: t.shape for t in map(thing_of, looked["data"]["objects"])}
         kinds = {**seen, **named_shapes(seen, scene.questions)}
         shapes = [{"name": name, "shape": SHAPES[kind]} for name, kind in kinds.items() if kind in SHAPES]
     built = await call(
@@ -118,11 +121,6 @@ async def _model(call: Caller, case: str, scene: Asked, source: Source) -> None:
     )
     fitted = await call("FitWorld", case=case, world=built["data"]["world"], shared=SHARED)
     await call("CommitWorld", case=case, world=fitted["data"]["world"], even_if_failed=True)
-
-
-def _kind(item: dict[str, Any]) -> str:
-    shape = item["shape"]["kind"] if isinstance(item["shape"], dict) else str(item["shape"])
-    return "cube" if shape == "box" else shape
 
 
 def named_shapes(seen: dict[str, str], questions: Sequence[dict[str, Any]]) -> dict[str, str]:
