@@ -49,10 +49,15 @@ class Shell:
         except (ScriptError, ToolFailed) as error:
             print(f"atw-mcp: {error}", file=sys.stderr, flush=True)
             return False
+        return True
+
+    def run_typed(self, line: str) -> bool:
+        """Run a line as `run` does; an interruption ends the line, and not the session."""
+        try:
+            return self.run(line)
         except KeyboardInterrupt:
             print("atw-mcp: cancelled", file=sys.stderr, flush=True)
             return False
-        return True
 
     def _run(self, line: str) -> None:
         if line.lstrip().startswith(">"):
@@ -95,15 +100,16 @@ class Shell:
 def run_shell(call: Call, tools: Sequence[Entry], known: Mapping[str, Any], show: Callable[[Reply], None]) -> bool:
     """Read lines from stdin and run each; returns whether all of a pipe's calls succeeded.
 
-    At a terminal a failed call is no failure of the session.
+    At a terminal a failed call is no failure of the session, and Ctrl-C cancels a line; of a pipe it ends the reading.
     """
     at_terminal = sys.stdin.isatty() and sys.stdout.isatty()
     succeeded = True
     shell = Shell(call, tools, known, show)
+    run = shell.run_typed if at_terminal else shell.run
     for line in _typed_lines(tools) if at_terminal else _joined(sys.stdin):
         if line.strip() in LEAVE:
             break
-        succeeded &= shell.run(line)
+        succeeded &= run(line)
     return succeeded or at_terminal
 
 
