@@ -67,6 +67,7 @@ def test_states_that_fit_a_like_law_are_a_short_cut_and_no_trap() -> None:
     assert asked(stuck.fit.states)[0] < right.chi2 + 1.0 < stuck.chi2 - 20.0
 
 
+@pytest.mark.benchmark
 def test_a_run_whose_chi2_is_not_conspicuous_is_refitted_with_all_others() -> None:
     _, right = plain(4, 5)
     stuck = bent_run(right, 1, "disc3.velocity.y", -0.4)

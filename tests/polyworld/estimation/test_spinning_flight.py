@@ -81,6 +81,7 @@ def test_drag_lift_and_the_spins_decay_are_found_together() -> None:
         assert high - low < 0.2 * true
 
 
+@pytest.mark.benchmark
 def test_a_force_outside_the_catalogue_is_described_beside_the_torque_that_is_in_it() -> None:
     report = find_gap(
         flight_world(),

@@ -81,6 +81,7 @@ def test_checks_leave_what_names_nothing() -> None:
     assert lowered("unexplained", [Check("runner_up", "")]) == "unexplained"
 
 
+@pytest.mark.benchmark
 def test_the_same_data_and_seed_give_the_same_answer(between_exponents: GapReport) -> None:
     assert judged_power_drag().to_dict() == between_exponents.to_dict()
 

@@ -55,6 +55,7 @@ class Claims:
         assert ((p - hit) ** 2).mean() == pytest.approx((p * (1.0 - p)).mean(), abs=BRIER)
 
 
+@pytest.mark.benchmark
 def test_where_a_block_stops_is_answered_as_surely_as_claimed() -> None:
     """Against v^2 / (2 mu g), from 0.3 s of a slide that goes on for longer."""
     rng, claims = np.random.default_rng(11), Claims()
