@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import select
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -17,6 +19,8 @@ from atw_mcp.script import ScriptError, read_line, resolved, step_arguments
 PROMPT, CONTINUED = "atw> ", "...> "
 LAST = "last"  # name of the result of the call before
 LEAVE = ("exit", "quit")
+SPELL = 0.2  # [s] within which an interruption is noticed while nothing comes through a pipe
+CHUNK = 65536  # bytes read from a pipe at once
 HELP = """\
 [NAME:] TOOL key=value ...   call a tool; a value is JSON where the tool wants it, @path is a file's content
                              $NAME.field is part of an earlier result, $last.field of the one before
@@ -106,11 +110,34 @@ def run_shell(call: Call, tools: Sequence[Entry], known: Mapping[str, Any], show
     succeeded = True
     shell = Shell(call, tools, known, show)
     run = shell.run_typed if at_terminal else shell.run
-    for line in _typed_lines(tools) if at_terminal else _joined(sys.stdin):
+    for line in _typed_lines(tools) if at_terminal else _joined(_piped_lines()):
         if line.strip() in LEAVE:
             break
         succeeded &= run(line)
     return succeeded or at_terminal
+
+
+def _piped_lines() -> Iterator[str]:
+    """Yield the lines of stdin, waiting in short spells: an interruption just before a read would wait for its end."""
+    try:
+        pipe = sys.stdin.fileno()
+    except OSError:  # no file is behind it
+        yield from sys.stdin
+        return
+    if sys.platform == "win32":  # where `select` takes sockets alone
+        yield from sys.stdin
+        return
+    pending = b""
+    while True:
+        while not select.select([pipe], [], [], SPELL)[0]:
+            pass
+        read = os.read(pipe, CHUNK)
+        if not read:
+            break
+        *whole, pending = (pending + read).split(b"\n")
+        yield from (line.decode(errors="replace") for line in whole)
+    if pending:
+        yield pending.decode(errors="replace")
 
 
 def _joined(lines: Iterator[str] | Any) -> Iterator[str]:
