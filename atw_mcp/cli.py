@@ -30,6 +30,7 @@ from atw_mcp.printing import print_reply, tool_line
 from atw_mcp.replies import ServerLost
 from atw_mcp.script import ScriptError, read_arguments, read_script, split_pairs
 from atw_mcp.shell import HELP
+from atw_mcp.store_option import add_store
 from atw_mcp.tools import manifest
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
@@ -117,7 +118,7 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument(
         "--allow-origin", action="append", default=[], metavar="ORIGIN", help="pages that may call --http, https://..."
     )
-    _add_store(serve)
+    add_store(serve)
     add_allow(serve)
     add_selection(serve)
     add_device(serve)
@@ -173,7 +174,7 @@ def _parser() -> argparse.ArgumentParser:
     demo.set_defaults(command=_demo)
 
     for command in (call, run, shell):
-        _add_store(command)
+        add_store(command)
         add_allow(command)
         add_device(command)
         command.add_argument("--indent", action="store_true", help="print indented JSON")
@@ -199,12 +200,6 @@ def _parser() -> argparse.ArgumentParser:
     warmup = commands.add_parser("warmup", help="compile every kernel now, so that no later call has to")
     warmup.set_defaults(command=_warmup)
     return parser
-
-
-def _add_store(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--store", type=Path, metavar="FILE", help="evidence store (default: in the user's data folder)"
-    )
 
 
 class _ShowVersion(argparse.Action):

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from atw_mcp.store_option import add_store, chosen_store
+
 OK, FAILED, USAGE = 0, 1, 2
 
 
@@ -55,28 +57,18 @@ def add_parser(commands: Any) -> None:
 
 
 def _declare(parser: argparse.ArgumentParser, command: Callable[[argparse.Namespace, Path], int]) -> None:
-    parser.add_argument(
-        "--store", type=Path, metavar="FILE", help="evidence store (default: in the user's data folder)"
-    )
+    add_store(parser)
 
     def run(options: argparse.Namespace) -> int:
         from evidence_store import StoreError
 
         try:
-            return command(options, _store(options))
+            return command(options, chosen_store(options))
         except StoreError as error:
             print(f"atw-mcp: {error}", file=sys.stderr)
             return FAILED
 
     parser.set_defaults(command=run)
-
-
-def _store(options: argparse.Namespace) -> Path:
-    if options.store is not None:
-        return Path(options.store).expanduser().absolute()
-    from atw_mcp.server import default_store  # imports every tool: only where its answer is wanted
-
-    return default_store()
 
 
 def _doctor(options: argparse.Namespace, store: Path) -> int:

@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from atw_mcp.store_option import add_store, chosen_store
+
 OK, FAILED = 0, 1
 
 
@@ -22,9 +24,7 @@ def add_parser(commands: Any) -> None:
     report.add_argument(
         "--rollout", action="append", default=[], metavar="ID", help="show this rollout first; twice for two together"
     )
-    report.add_argument(
-        "--store", type=Path, metavar="FILE", help="evidence store (default: in the user's data folder)"
-    )
+    add_store(report)
     report.set_defaults(command=run)
 
     view = commands.add_parser(
@@ -36,7 +36,7 @@ def add_parser(commands: Any) -> None:
     view.add_argument("case", nargs="?", metavar="CASE", help="default: a list of all cases")
     view.add_argument("--port", type=int, default=0, help="port on 127.0.0.1 (default: any that is free)")
     view.add_argument("--no-browser", action="store_true", help="only print the address")
-    view.add_argument("--store", type=Path, metavar="FILE", help="evidence store (default: in the user's data folder)")
+    add_store(view)
     view.set_defaults(command=run_view)
 
 
@@ -65,7 +65,7 @@ def run_view(options: argparse.Namespace) -> int:
     from evidence_store import StoreError
 
     try:
-        code = view(_store(options), options.case, options.port, browser=not options.no_browser)
+        code = view(chosen_store(options), options.case, options.port, browser=not options.no_browser)
     except (StoreError, FileNotFoundError) as error:
         return _failed(str(error))
     except OverflowError:
@@ -79,14 +79,6 @@ def run_view(options: argparse.Namespace) -> int:
     return code
 
 
-def _store(options: argparse.Namespace) -> Path:
-    if options.store is not None:
-        return Path(options.store).expanduser().absolute()
-    from atw_mcp.server import default_store  # imports every tool: only where its answer is wanted
-
-    return default_store()
-
-
 def _report(options: argparse.Namespace) -> tuple[str, list[str]]:
     """Return the page, and sentences about what it does not show."""
     from atw_mcp.viewer.case_document import case_document
@@ -95,7 +87,7 @@ def _report(options: argparse.Namespace) -> tuple[str, list[str]]:
     from atw_mcp.viewer.page import page
     from evidence_store import EvidenceStore
 
-    opened = EvidenceStore.to_read(_store(options))
+    opened = EvidenceStore.to_read(chosen_store(options))
     try:
         document, blocks = case_document(opened, options.case, first=options.rollout)
         case = opened.cases.get(options.case)

@@ -26,7 +26,7 @@ GROUP = "CLEVRER"
 def run_clevrer(scene: Asked, source: Source, store: Path | None = None) -> SceneRun:
     """Model a scene and answer its questions; where there is no world, every option counts as not answered.
 
-    store: where its evidence is kept, so that asking again fits nothing anew.
+    store: where its evidence is kept, so that asking again fits nothing again.
     """
     run = SceneRun(scene.number, GROUP, source)
     begin = time.perf_counter()

@@ -37,7 +37,7 @@ LAST = 8  # observed frames to whose end a straight line is fitted
 def run_pulleys(scene: AskedPulleys, source: Source, store: Path | None = None) -> SceneRun:
     """Model a video and answer its questions; where there is no world, every option counts as not answered.
 
-    store: where its evidence is kept, so that asking again fits nothing anew.
+    store: where its evidence is kept, so that asking again fits nothing again.
     """
     run = SceneRun(scene.number, GROUP, source)
     begin = time.perf_counter()

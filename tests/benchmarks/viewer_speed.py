@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 VIDEO = Path(__file__).parents[3] / "shared" / "data" / "clevrer" / "video_00000.mp4"
 WATCHED = 4.0  # [s] of play over which frames are counted
 CHANGES = 5  # of the store, of which the median latency is printed
-BEGIN = "window.begun = {...window.__atw, at: performance.now()}"
+BEGIN = "window.started = {...window.__atw, at: performance.now()}"
 SPENT = """(() => {
-  const [now, then] = [window.__atw, window.begun], frames = now.frames - then.frames;
+  const [now, then] = [window.__atw, window.started], frames = now.frames - then.frames;
   return [frames / (performance.now() - then.at) * 1000, (now.updateTotalMs - then.updateTotalMs) / frames,
           (now.drawTotalMs - then.drawTotalMs) / frames];
 })()"""

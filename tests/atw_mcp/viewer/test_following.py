@@ -1,4 +1,4 @@
-"""The page is told how well a world follows its data, and what an ensemble says of the statements of an answer."""
+"""The page states how well a world follows its data, and what an ensemble says of the statements of an answer."""
 
 from __future__ import annotations
 

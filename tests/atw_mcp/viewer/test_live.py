@@ -1,4 +1,4 @@
-"""The live page: who may read it, what it serves, and that it tells of what other connections add."""
+"""The live page: who may read it, what it serves, and that it reports what other connections add."""
 
 from __future__ import annotations
 

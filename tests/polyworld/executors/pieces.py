@@ -27,20 +27,20 @@ def half(value: int) -> float:
 
 @dataclass(frozen=True)
 class Marked:
-    """A piece that writes down, in a file of its own, every time it is begun; `deaths`: as often its process dies."""
+    """A piece that writes down, in a file of its own, every time it is started; `deaths`: as often its process dies."""
 
     file: Path
     deaths: int = 0
 
 
 def die_at_first(piece: Marked) -> int:
-    """Return the number of times that the piece has been begun."""
+    """Return the number of times that the piece was started."""
     with piece.file.open("a") as file:
         file.write("x")
-    begun = len(piece.file.read_text())
-    if begun <= piece.deaths:
+    started = len(piece.file.read_text())
+    if started <= piece.deaths:
         os.kill(os.getpid(), signal.SIGKILL)
-    return begun
+    return started
 
 
 def unpicklable(_: int) -> object:

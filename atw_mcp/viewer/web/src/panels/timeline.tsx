@@ -4,7 +4,7 @@ import { signal, untracked, useSignalEffect } from "@preact/signals";
 import { eventLabel, groundShown, hiddenKinds, KINDS, lanes, visibleLanes, type Kind, type Lane } from "../events";
 import { digits } from "../format";
 import { Icon } from "../icons";
-import { document, duration, filmEnd, frame, seek, time, track } from "../state";
+import { document, duration, filmEnd, nearestFrame, seek, time, track } from "../state";
 import { Shape } from "./mark_shapes";
 import { LaneMarks, LANE, tip } from "./timeline_lane";
 import { heldOut, heldOutRuns, MARGIN, moment, place, reveal, showInterval, ticks, view, width, zoom, zoomed } from "./timeline_view";
@@ -64,7 +64,7 @@ function Scrubber() {
       aria-valuemin={0}
       aria-valuemax={duration.value}
       aria-valuenow={Number(time.value.toFixed(4))}
-      aria-valuetext={`${time.value.toFixed(3)} seconds, frame ${Math.floor(frame.value + 1e-4)}`}
+      aria-valuetext={`${time.value.toFixed(3)} seconds, frame ${nearestFrame.value}`}
       onPointerDown={go}
       onPointerMove={go}
     >
