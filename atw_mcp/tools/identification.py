@@ -303,14 +303,10 @@ def _fit_answer(
         f"{kept} (the starting world {start.id}, before any search: {was})"
         + "".join(f". WARNING: {text}" for text in doubtful),
         data={
-            **document,
-            "world": fitted.id,
-            "from_world": start.id,
-            "warnings": doubtful,
+            **{key: value for key, value in shown.items() if key not in ("initial_states", "undetermined_whole")},
+            **document,  # whole lists
             "verdict": verdict["verdict"],
-            "why": verdict["why"],
             "bodies": verdict["bodies"],
-            "next": shown["next"],
         },
         shown=shown,
         case=case.id,

@@ -59,9 +59,8 @@ class Caller:
             body = await self._once("ReadEvidence", {"evidence": body["evidence"], "wait_seconds": 50})
         if body["status"] != "completed":
             raise RuntimeError(f"{tool}: {body['status']}: {body['summary']}")
-        if body.get("shortened"):  # every item of a list counts here; a fit's whole record lacks some of its reply
-            whole = await self._once("ReadEvidence", {"evidence": body["evidence"], "detail": "full"})
-            body = {**whole, "data": {**body["data"], **whole["data"]}}
+        if body.get("shortened"):  # every item of a list counts here
+            body = await self._once("ReadEvidence", {"evidence": body["evidence"], "detail": "full"})
         return body
 
     async def _once(self, tool: str, arguments: dict[str, Any]) -> dict[str, Any]:

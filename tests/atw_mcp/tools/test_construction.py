@@ -46,6 +46,10 @@ def test_friction_and_speed_of_a_sliding_puck_are_recovered(session: Session, tm
     speed = next(value["value"] for value in whole if value["name"] == "puck.velocity.x")
     assert speed == pytest.approx(1.2, abs=0.02)
 
+    record = session("ReadEvidence", evidence=fitted["evidence"], detail="full")["data"]
+    assert set(fitted["data"]) - set(record) == {"initial_states", "undetermined_whole"}  # which say how to read it
+    assert record["position_rmse"] == fitted["data"]["position_rmse"]
+
     again = session("FitWorld", **asked)
     assert again["data"]["computed_now"] is False
     assert again["data"]["world"] == fitted["data"]["world"]

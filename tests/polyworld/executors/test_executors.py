@@ -5,6 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 import pickle
+import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -111,6 +114,28 @@ def test_an_interruption_ends_the_pieces_that_run(two: Executor, tmp_path: Path)
     thread.join()
     assert ended(file)
     assert results(two.run(half, {"after": 2})) == {"after": 1.0}
+
+
+@pytest.mark.parametrize("by", [signal.SIGTERM, signal.SIGKILL])
+def test_a_worker_ends_amid_a_piece_when_its_parent_is_killed(tmp_path: Path, by: signal.Signals) -> None:
+    started = tmp_path / "started"
+    text = (
+        "import pathlib, sys\n"
+        "from polyworld.executors import LocalExecutor\n"
+        "from tests.polyworld.executors.pieces import wait_for\n"
+        "if __name__ == '__main__':\n"
+        "    list(LocalExecutor(1).run(wait_for, {'a': pathlib.Path(sys.argv[1])}))\n"
+    )
+    script = tmp_path / "waits.py"
+    script.write_text(text)
+    root = {"PYTHONPATH": str(Path(__file__).parents[3])}
+    command = [sys.executable, str(script), str(started)]
+    with subprocess.Popen(command, env=os.environ | root, stdout=subprocess.PIPE) as parent:
+        while not started.exists():
+            assert parent.poll() is None
+            time.sleep(0.01)
+        parent.send_signal(by)
+        parent.communicate(timeout=20)  # which ends when nobody holds the parent's output any more, its worker included
 
 
 def test_leaving_early_frees_the_executor_and_a_second_bag_beside_is_refused(two: Executor) -> None:
