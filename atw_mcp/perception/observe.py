@@ -125,6 +125,7 @@ def observe(
     )
     for reason, what in (
         ("shadow", "follow objects as their shadows do"),
+        ("fragment", "are small, brief and mostly beside a large object, as pieces of its rim or shadow"),
         ("fixed", "never move and are no object at rest, as captions and the places that an object left"),
     ):
         if reason in out.values():
@@ -203,10 +204,8 @@ def _object(
 ) -> ObservedObject | None:
     count = len(frames)
     clear = [t for t in range(count) if number in sweep.alone[t] and masks[t].any() and not touches_border(masks[t])]
-    dim_share = [
-        float(foregrounds[t].dim[masks[t]].mean()) for t in (clear or [t for t in range(count) if masks[t].any()])
-    ]
-    has_hue = bool(np.median(dim_share) < 0.5)
+    shown = clear or [t for t in range(count) if masks[t].any()]
+    has_hue = bool(np.median([float(foregrounds[t].hueless[masks[t]].mean()) for t in shown]) < 0.5)
     for t in range(count):
         if masks[t].any():
             masks[t] = without_shadow(masks[t], foregrounds[t], has_hue=has_hue)

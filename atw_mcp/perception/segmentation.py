@@ -33,13 +33,13 @@ SHADOW_FRAMES = 12  # in which the factor of shadows is read
 class Foreground:
     """Objects' pixels of one frame.
 
-    labels (H, W): connected components from 1; areas (k,) [px] of component i + 1; dim (H, W): pixels that
-    could as well be in a dark shadow; shade (H, W): brightness relative to the background.
+    labels (H, W): connected components from 1; areas (k,) [px] of component i + 1; hueless (H, W): pixels with the
+    background's hue that are darker than it; shade (H, W): brightness relative to the background.
     """
 
     labels: NDArray[np.uint8]
     areas: NDArray[np.int32]
-    dim: Mask
+    hueless: Mask
     shade: NDArray[np.float16]
 
     @property
@@ -47,6 +47,12 @@ class Foreground:
         """All objects' pixels (H, W)."""
         inside: Mask = self.labels > 0
         return inside
+
+    @property
+    def dim(self) -> Mask:
+        """Pixels (H, W) that could as well be in a dark shadow."""
+        lit: Mask = self.shade > SHADOW_DEEPEST
+        return self.hueless & lit
 
 
 def shadows_of(frames: Frames, background: Background) -> float | None:
@@ -87,8 +93,7 @@ def segment(frame: Frames, background: Background, *, min_area: int, shadow: flo
     strong |= _faint_objects(weak & ~strong, strong, image - lit, min_area)
     mask = _half_covered(image, strong, weak)
     labels, areas = components(mask, min_area)
-    dim = (tint < 0.75 * strong_tint) & (shade > SHADOW_DEEPEST) & (shade < 1.0)
-    return Foreground(labels, areas, dim, shade.astype(np.float16))
+    return Foreground(labels, areas, (tint < 0.75 * strong_tint) & (shade < 1.0), shade.astype(np.float16))
 
 
 def components(mask: Mask, min_area: int) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:

@@ -25,6 +25,8 @@ PENUMBRA = 7  # pixels around a shadow in which the ratio may rise to one
 LEAST, MOST = 0.04, 0.75  # share of a region that is shadow where the rest is the body that casts it
 REGIONS = 3  # such regions that show a shadow's factor
 EVERYWHERE = 3  # power of the share of regions that show a factor, by which its pixels count
+EDGE = 0.05  # change of the ratio a pixel at which a shadow or a body ends; the shading of a body changes it less
+DARKER = 0.2  # share of a region that no shadow has below its factor
 GATHERED = 2.5  # times as many pixels at the factor as beside it
 
 
@@ -54,6 +56,7 @@ def shadow_factor(frames: Sequence[Ratios], hueless: float) -> float | None:
     bins = np.arange(DARKEST, LIGHTEST + BIN, BIN)
     votes = np.zeros(len(bins) - 1)
     seen = np.zeros(len(bins) - 1)
+    held = np.zeros(len(bins) - 1)
     regions = 0
     for f in frames:
         doubtful = f.apart & (f.tint < hueless) & uniform(f.shade)
@@ -69,6 +72,7 @@ def shadow_factor(frames: Sequence[Ratios], hueless: float) -> float | None:
             regions += 1
             votes += own
             seen += (share > LEAST) & (share < MOST)
+            held += own > 0
     smooth = np.convolve(votes, np.ones(5), "same")
     # A grey body is as uniform as a shadow, but only its own region shows it: a shadow's factor is in nearly all.
     candidates = np.where(seen >= REGIONS, smooth * (seen / max(regions, 1)) ** EVERYWHERE, 0.0)
@@ -80,14 +84,34 @@ def shadow_factor(frames: Sequence[Ratios], hueless: float) -> float | None:
         return None
     low, high = max(best - 2, 0), min(best + 3, len(votes))
     middle = 0.5 * (bins[low:high] + bins[low + 1 : high + 1])
-    return float((votes[low:high] * middle).sum() / votes[low:high].sum())
+    weight = votes[low:high] * (held[low:high] / regions) ** EVERYWHERE
+    return float((weight * middle).sum() / weight.sum())
 
 
 def shadow_mask(tint: Array32, shade: Array32, factor: float, hueless: float) -> Mask:
     """Return the pixels (H, W) of shadows of a known factor, with their penumbras."""
     core = (np.abs(shade - factor) < WIDTH) & (tint < hueless) & uniform(shade)
     core = cv2.morphologyEx(core.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
+    body = _shaded_bodies(tint, shade, factor, hueless)
+    core &= ~body
     near = cv2.dilate(core.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (PENUMBRA, PENUMBRA))) > 0
-    rim = near & (shade > factor - WIDTH) & (shade < 1.0) & (tint < hueless)
+    rim = near & (shade > factor - WIDTH) & (shade < 1.0) & (tint < hueless) & ~body
     found: Mask = core | rim
+    return found
+
+
+def _shaded_bodies(tint: Array32, shade: Array32, factor: float, hueless: float) -> Mask:
+    """Return the regions (H, W) whose brightness passes, without an edge, to what is darker than a shadow.
+
+    A grey body's lit side may be as dark as a shadow. It grows darker bit by bit towards its other side; a shadow ends
+    in an edge, at the body or on the floor.
+    """
+    slope = np.hypot(cv2.Sobel(shade, cv2.CV_32F, 1, 0, scale=0.125), cv2.Sobel(shade, cv2.CV_32F, 0, 1, scale=0.125))
+    smooth = (shade < factor + WIDTH) & (tint < hueless) & (slope < EDGE)
+    count, labels = cv2.connectedComponents(smooth.astype(np.uint8), connectivity=4)
+    size = np.bincount(labels.ravel(), minlength=count)
+    darker = np.bincount(labels[shade < factor - WIDTH], minlength=count)
+    body = darker > DARKER * size
+    body[0] = False
+    found: Mask = body[labels]
     return found

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from numpy.typing import NDArray
 
 from atw_mcp.perception.background import model_background
 from atw_mcp.perception.camera_motion import as_filmed, camera_motion, stabilised
+from atw_mcp.perception.observe import observe
 from atw_mcp.perception.segmentation import shadows_of
 from atw_mcp.perception.still_colours import rare_colour_regions
 
@@ -80,3 +83,35 @@ def test_bodies_that_move_before_a_plain_wall_are_no_motion_of_the_camera() -> N
         cv2.circle(film[t], (180 - 4 * t, 60), 15, (200, 30, 30), -1)
     assert camera_motion(film) is None
     assert camera_motion(np.repeat(film[:1], 6, axis=0)) is None
+
+
+def test_a_grey_ball_whose_lit_side_is_as_dark_as_its_shadow_is_seen_whole(tmp_path: Path) -> None:
+    """The ball's shading passes through the shadows' brightness; a red box beside it casts the other shadow."""
+    rng = np.random.default_rng(4)
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
+    frames, truths = [], []
+    for t in range(24):
+        image = np.full((HEIGHT, WIDTH, 3), 160.0)
+        centre = 50.0 + 5.0 * t
+        image[((x - centre - 20) / 24) ** 2 + ((y - 70) / 9) ** 2 < 1] = 80.0
+        image[125:140, 60 + 4 * t : 100 + 4 * t] = 80.0
+        truth = (x - centre) ** 2 + (y - 60) ** 2 < 18**2
+        lit = np.clip(1.0 - 0.045 * ((x - centre + 8) + 1.2 * (y - 52)) / 2, 0.4, 1.05)
+        image[truth] = (85.0 * lit)[truth][:, None]
+        image[105:140, 50 + 4 * t : 80 + 4 * t] = (30.0, 30.0, 180.0)
+        image = cv2.GaussianBlur(image, (0, 0), 0.6)
+        frames.append(np.clip(image + rng.normal(0.0, 1.0, image.shape), 0, 255).astype(np.uint8))
+        truths.append(truth)
+    path = tmp_path / "grey.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"FFV1"), 25.0, (WIDTH, HEIGHT))
+    for frame in frames:
+        writer.write(frame)
+    writer.release()
+    seen = observe(path)
+    assert sorted(str(o.colour.name) for o in seen.objects) == ["gray", "red"]
+    ball = next(o for o in seen.objects if o.colour.name == "gray")
+    for t in (2, 12, 21):
+        mask = ball.masks[t]
+        assert mask is not None
+        found = mask.decode()
+        assert (found & truths[t]).sum() / (found | truths[t]).sum() > 0.85
