@@ -1,7 +1,8 @@
 """A rope and pulley scene by tool calls: loads observed, ropes and wheels as the picture shows them, masses fitted.
 
-Which rope runs over what, and where wheels and fixed points are, is taken from `outputs.json` (a reader of the picture
-sees it); masses and motion are not. Of each rope the mass of one load is the unit: a video shows only ratios.
+What a reader of the first picture sees is taken from `outputs.json`: which rope runs over what, where wheels and fixed
+points are, and a box round each load. Masses and motion are not. Of each rope the mass of one load is the unit: a video
+shows only ratios.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ Source = Literal["video", "annotation"]
 NOISE = 0.002  # m, of positions from an annotation
 MUCH = 5.0  # by what factor a much heavier thing is heavier
 BRANCH = 12  # frames of a branch from whose end directions are read
+NEARER = 1.05  # by how much the side that is seen of a load is larger than in the plane of the ropes
 SEGMENTS = 8  # of a rope between its ends: straight strands need few
 LIGHT = 0.002  # kg/m of rope, of loads of about a kilogram
 SEARCH = (0.2, 5.0)  # bounds of a fitted mass over the unit of its rope
@@ -51,7 +53,7 @@ class Layout:
 @dataclass(frozen=True)
 class Pulled:
     """A committed world. masses by load [units of its rope]; observed: names in the tools by names in questions;
-    listed: all that was seen, ropes and wheels too; tracks: (frame, height [m]) rows by load."""
+    listed: all in the picture, ropes and wheels too; tracks: (frame, height [m]) rows by load."""
 
     case: str
     layout: Layout
@@ -94,9 +96,9 @@ async def modelled(call: Caller, scene: AskedPulleys, source: Source, scratch: P
     loads = [n for rope in layout.ropes for n in layout.loads(rope)]
     if source == "annotation":
         case, names, frames = await _imported(call, layout, outputs, loads, scratch, scene.number)
-        listed = tuple({n for group in outputs["relatedGroups"] for n in group} | set(loads))
     else:
-        case, names, frames, listed = await _seen(call, outputs, loads, scene)
+        case, names, frames = await _seen(call, outputs, loads, scene)
+    listed = tuple({n for group in outputs["relatedGroups"] for n in group} | set(loads))
     objects, parts, free = _described(layout, names)
     built = await call(
         "BuildWorld",
@@ -156,19 +158,27 @@ async def _imported(
 
 async def _seen(
     call: Caller, outputs: dict[str, Any], loads: list[str], scene: AskedPulleys
-) -> tuple[str, dict[str, str], int, tuple[str, ...]]:
+) -> tuple[str, dict[str, str], int]:
     opened = await call("OpenCase", video=str(scene.video))
     case = str(opened["case"])
-    observed = await call("ObserveObjects", case=case, expected=loads)
-    seen = {str(o["name"]) for o in observed["data"]["objects"]}
-    names = {n: _tool_name(n) for n in loads}
-    lost = sorted(set(names.values()) - seen)
-    if lost:
-        raise RuntimeError(f"ObserveObjects: {', '.join(lost)} not among {sorted(seen)}")
+    await call("ObserveObjects", case=case)  # takes a load and its rope for one object
+    names = {n: f"{_tool_name(n)}_load" for n in loads}
+    seeds = [{"kind": "add", "object": names[n], "frame": 0, "box": _box(outputs, n)} for n in loads]
+    await call("ObserveObjects", case=case, corrections=seeds)
     scale = outputs["made"]["camera"]["pixels_per_m"]
     length = {"first_pixel": [0, 100], "second_pixel": [scale, 100], "length": 1.0, "view": "side"}
     await call("CalibrateCamera", case=case, known_length=length)
-    return case, names, len(outputs["made"]["heights"][loads[0]]), tuple(n.replace("_", " ") for n in seen)
+    return case, names, len(outputs["made"]["heights"][loads[0]])
+
+
+def _box(outputs: dict[str, Any], name: str) -> list[float]:
+    """Left, top, width, height [px] of a load in the first frame."""
+    made = outputs["made"]
+    x, z = outputs["metaSamplingData"]["name2position"][name]
+    camera, scale = made["camera"], made["camera"]["pixels_per_m"]
+    half = float(made["half_size"]) * scale * NEARER
+    u, v = camera["pixel"][0] + (x - camera["at"][0]) * scale, camera["pixel"][1] - (z - camera["at"][1]) * scale
+    return [u - half, v - half, 2 * half, 2 * half]
 
 
 def _described(layout: Layout, names: dict[str, str]) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[str]]:
