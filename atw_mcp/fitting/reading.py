@@ -19,8 +19,8 @@ UNMET = "meets no other body"
 ROWS = 8  # rows of `undetermined` shown
 STILL = "never moves in the observed frames"
 TRY = (
-    "probably a local minimum; try another seed or more restarts, or fit a prefix with last_frame and then "
-    "method='refine' on all frames; else the world lacks something (torsional_radius, an effect)"
+    "probably a local minimum; try method='prefixes', another seed or more restarts, and commit what has the lowest "
+    "loss; else the world lacks something (torsional_radius, an effect)"
 )
 CONTACTS = (
     "a contact's friction and restitution are the geometric mean of the two objects' values, so a single object's "
@@ -82,7 +82,8 @@ def next_step(case: str, world: str, document: dict[str, Any]) -> str:
     tested = ", ".join(row["name"] for row in document["resistance"])
     without = f" ({tested} tested)" if tested else ""
     return (
-        f"{look}; free what may differ, e.g. each=['friction', 'restitution', 'mass', 'torsional_radius'], or let "
+        f"{look}; FitWorld by another method or seed and compare the losses; free what may differ, e.g. "
+        "each=['friction', 'restitution', 'mass', 'torsional_radius'], or let "
         f"FindDiscrepancy(case={case!r}, world={world!r}) and ProposeEffects find what the world lacks{without}; "
         f"CommitWorld(case={case!r}, world={world!r}) if it will do"
     )

@@ -15,7 +15,7 @@ from tests.benchmarks.question_clips.camera import homography, project
 from tests.benchmarks.question_clips.pulleys import BELOW, RATE, Group, Part, simulate
 from tests.benchmarks.question_clips.solids import draw
 from tests.benchmarks.question_clips.solids import simulate as simulate_solids
-from tests.benchmarks.question_clips.write_solids import annotation_of
+from tests.benchmarks.question_clips.write_solids import FUTURE, LONGEST, annotation_of, cut
 from tests.benchmarks.question_worlds import annotated
 
 G = 9.81
@@ -52,6 +52,19 @@ def test_a_load_under_a_movable_wheel_falls_half_as_fast_as_the_other_rises() ->
     assert run.heights["red cube"][-1] - run.heights["red cube"][0] == pytest.approx(-fall, rel=0.01)
     assert run.heights["blue sphere"][-1] - 1.0 == pytest.approx(2 * fall, rel=0.01)
     assert run.turns["pink pulley"] > 0.0 > run.turns["gray pulley"]
+
+
+def test_what_collides_in_a_clip_is_in_view() -> None:
+    clips = 0
+    for seed in (4, 18):  # first draws of which had a collision out of view
+        rng = np.random.default_rng([seed, 30])
+        for _ in range(10):
+            run = simulate_solids(*draw(rng), LONGEST + FUTURE)
+            frames = cut(rng, run)
+            if frames is not None:
+                clips += 1
+                assert all(run.visible[c.frame, list(c.pair)].all() for c in run.collisions if c.frame < frames)
+    assert clips
 
 
 def test_programs_on_the_annotation_give_the_answers_that_the_simulation_gave() -> None:

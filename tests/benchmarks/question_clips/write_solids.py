@@ -27,7 +27,7 @@ def make_scene(seed: int, folder: Path) -> dict[str, Any]:
     while True:
         solids, restitution = draw(rng)
         run = simulate(solids, restitution, LONGEST + FUTURE)
-        frames = _cut(rng, run)
+        frames = cut(rng, run)
         if frames is None:
             continue
         collisions = [e for e in events_of(run, frames) if e.kind == "collision"]
@@ -58,14 +58,18 @@ def make_all(seeds: list[int], folder: Path) -> None:
     (folder / "camera_homography_z0.2.json").write_text(json.dumps(plane))
 
 
-def _cut(rng: np.random.Generator, run: Run) -> int | None:
-    """Return the length of a clip that ends before some collision, None where there is none."""
+def cut(rng: np.random.Generator, run: Run) -> int | None:
+    """Return the length of a clip that ends before some collision, None where there is none.
+
+    Within a clip all collisions are in view, as in CLEVRER's annotations.
+    """
     later = [c.frame for c in run.collisions if SHORTEST + LEAD[0] <= c.frame < LONGEST + LEAD[1]]
     if not later:
         return None
     frames = int(np.clip(rng.choice(later) - rng.integers(*LEAD), SHORTEST, LONGEST))
     seen = run.visible[:frames].sum(axis=0)
-    return frames if (seen >= SHOWN).all() else None
+    shown = all(run.visible[c.frame, list(c.pair)].all() for c in run.collisions if c.frame < frames)
+    return frames if shown and (seen >= SHOWN).all() else None
 
 
 def annotation_of(seed: int, solids: list[Solid], run: Run, frames: int) -> dict[str, Any]:
