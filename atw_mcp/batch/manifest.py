@@ -143,7 +143,7 @@ def read_manifest(path: Path, *, look_for_files: bool = False) -> list[ManifestC
     cases: list[ManifestCase] = []
     findings: list[str] = []
     lines: dict[str, int] = {}
-    for line, text in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+    for line, text in enumerate(path.read_text(encoding="utf-8-sig").splitlines(), start=1):
         if not text.strip() or text.lstrip().startswith("#"):
             continue
         try:
@@ -265,12 +265,22 @@ def _findings(entry: Entry) -> Iterator[str]:
         extra = question.model_extra or {}
         fields = ["id", "text", *dict.fromkeys(key for tool in ASKED_BY for key in taken(tool))]
         yield from _unknown(where, extra, fields)
+        if kind == "described":
+            yield from _without_data(where, extra)
         yield from _refusal(where, "Rollout", question.arguments("Rollout"))
         if "predicate" not in extra:
             yield f"{where}.predicate: is required, for example {json.dumps(EXAMPLES['predicate'])}"
         else:
             yield from _refusal(where, "QueryWorld", {"rollout": "rollout-0", **question.arguments("QueryWorld")})
             yield from _forms(where, extra)
+
+
+def _without_data(where: str, given: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what a question needs, or cannot have, where nothing was observed."""
+    if not {"horizon_seconds", "horizon_frames"} & given.keys():
+        yield f"{where}.horizon_seconds: is required, as no frames were observed whose length would be taken"
+    if "ensemble" in given:
+        yield f"{where}.ensemble: a described world is not fitted, so that there is no sample to ask"
 
 
 def _fields(kind: Kind) -> list[str]:

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from atw_mcp.batch.case import CasePiece, run_case
 from atw_mcp.batch.manifest import ManifestCase
-from atw_mcp.batch.shards import CaseResult, keep_note, read_note, remove_unfinished, result_of, shard_file
+from atw_mcp.batch.shards import CaseResult, held, keep_note, read_note, remove_unfinished, result_of, shard_file
 from evidence_store.merge import merge
 from polyworld.executors import Executor, Failure
 
@@ -73,18 +73,27 @@ class Outcome:
 def run_batch(batch: Batch, executor: Executor, redo: Iterable[Redo] = (), report: Report | None = None) -> Outcome:
     """Run the cases that have no shard yet and put all shards together.
 
-    redo: also those whose entry, place or files have changed since (else BatchRefused), or that failed. Writes
-    `store.db`, `answers.jsonl`, `failures.jsonl` and `times.jsonl` into the folder of results. Raises StoreError where
-    a shard cannot be read or the stores cannot be merged.
+    redo: also those whose entry, place or files have changed since, or that failed, changed or not. Writes `store.db`,
+    `answers.jsonl`, `failures.jsonl` and `times.jsonl` into the folder of results. Raises BatchRefused where others
+    have changed, or another process runs a batch there; StoreError where a shard cannot be read or the stores cannot
+    be merged.
     """
-    again = set(redo)
+    batch.out.mkdir(parents=True, exist_ok=True)
+    with held(batch.out) as alone:
+        if not alone:
+            raise BatchRefused(f"another batch is running into {batch.out}. Nothing was run. Next: wait until it ends")
+        return _run(batch, executor, set(redo), report)
+
+
+def _run(batch: Batch, executor: Executor, again: set[Redo], report: Report | None) -> Outcome:
+    """Run a batch in a folder that this process alone works on."""
     pieces = {case.entry.id: batch.piece(case) for case in batch.cases}
     kept = {name: result for name in pieces if (result := result_of(batch.shards, name)) is not None}
-    changed = [name for name, result in kept.items() if result.digest != pieces[name].digest]
-    failed = [name for name, result in kept.items() if result.failures]
+    failed = {name for name, result in kept.items() if result.failures and "failed" in again}
+    changed = [name for name, result in kept.items() if result.digest != pieces[name].digest and name not in failed]
     if changed and "changed" not in again:
         raise BatchRefused(_changed(changed, batch))
-    repeated = {*changed, *(failed if "failed" in again else ())}
+    repeated = {*changed, *failed}
     waiting = {name: piece for name, piece in pieces.items() if name not in kept or name in repeated}
     if waiting or _stamps(batch, pieces) != _merged(batch.store):
         _refuse_worked_on(batch.store)

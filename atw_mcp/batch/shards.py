@@ -21,6 +21,7 @@ from evidence_store import StoreError
 
 TABLE = "batch"
 UNFINISHED = ".unfinished-"  # begins the names of folders of shards under way
+LOCK = ".lock"  # a database that one run holds; SQLite frees it when its process ends, however it ends
 
 
 @dataclass
@@ -55,6 +56,18 @@ def new_shard(folder: Path, case: str) -> Iterator[Path]:
         os.replace(own / "case.db", shard_file(folder, case))
     finally:
         shutil.rmtree(own, ignore_errors=True)
+
+
+@contextmanager
+def held(folder: Path) -> Iterator[bool]:
+    """Hold a folder of results, and yield whether no other process does."""
+    with closing(sqlite3.connect(folder / LOCK, timeout=0.0, isolation_level=None)) as database:
+        try:
+            database.execute("BEGIN EXCLUSIVE")
+        except sqlite3.OperationalError:
+            yield False
+        else:
+            yield True
 
 
 def remove_unfinished(folder: Path) -> None:

@@ -57,6 +57,7 @@ STAGES = {
 }
 """Shares of the whole between which the stages after a search lie, measured as `SEARCHED` is."""
 SHARED = ("linear_damping", "angular_damping")
+EACH = ("friction", "restitution", "mass")
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ class FitRequest:
     fit_seconds_per_frame: bool = False
     fit_initial_states: bool = True
     shared: tuple[str, ...] | None = None
-    each: tuple[str, ...] = ("friction", "restitution", "mass")
+    each: tuple[str, ...] = EACH
     materials: tuple[str, ...] | None = None
     overrides: tuple[Override, ...] = ()
     generations: int = 60

@@ -15,6 +15,7 @@ from polyworld.world import World
 
 NEAR = 1.2  # losses within this factor of the lowest are taken for the same basin
 TURNED = 0.1  # [rad]; smaller rotation errors are never doubted
+OVERSTATED = 3.0  # times the error of a fit from which the stated noise is doubted; chance explains no such factor
 UNMET = "meets no other body"
 ROWS = 8  # rows of `undetermined` shown
 STILL = "never moves in the observed frames"
@@ -48,7 +49,7 @@ def doubts(world: World, document: dict[str, Any]) -> list[str]:
             )
     if found:
         found = [f"{'; '.join(found)}: {TRY}"]
-    found += _off(document) + _bounds(document) + _open(document)
+    found += _off(document) + _bounds(document) + _open(document) + _overstated(document)
     for item in document["outlying"]:
         frames = ", ".join(str(frame) for frame in item["frames"][:8])
         found.append(
@@ -87,6 +88,18 @@ def next_step(case: str, world: str, document: dict[str, Any]) -> str:
         f"FindDiscrepancy(case={case!r}, world={world!r}) and ProposeEffects find what the world lacks{without}; "
         f"CommitWorld(case={case!r}, world={world!r}) if it will do"
     )
+
+
+def _overstated(document: dict[str, Any]) -> list[str]:
+    """Bodies whose positions scatter much less than the noise that their tracks state, or that was assumed."""
+    calm = [body for body in document["verdict"]["bodies"] if OVERSTATED * body["error_m"] < body["noise_m"]]
+    if not calm:
+        return []
+    said = ", ".join(f"{body['object']} {body['noise_m']:.2g} m (off by {body['error_m']:.2g} m)" for body in calm)
+    return [
+        f"the noise of positions is overstated: {said}; intervals and probabilities are wider than the data allow "
+        "(ImportObservation takes position_sigma)"
+    ]
 
 
 def _physical(document: dict[str, Any]) -> list[dict[str, Any]]:

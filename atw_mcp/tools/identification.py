@@ -12,6 +12,7 @@ from atw_mcp.calls.jobs import LongWork, Progress
 from atw_mcp.calls.results import Answer, explained, plain
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.fitting.fitting import (
+    EACH,
     FitRequest,
     FitRun,
     Override,
@@ -58,9 +59,9 @@ def fit_world(
         list[str] | None,
         Field(
             max_length=8,
-            description="parameters of each object; default friction, restitution, mass. There are mass, "
-            "friction, restitution, rolling_resistance, torsional_radius, linear_damping, angular_damping; with method "
-            "prefixes also rolling_resistance of what can roll",
+            description="parameters of each object; default friction, restitution, mass, less those shared. "
+            "There are mass, friction, restitution, rolling_resistance, torsional_radius, linear_damping, "
+            "angular_damping; with method prefixes also rolling_resistance of what can roll",
         ),
     ] = None,
     shared: Annotated[
@@ -138,7 +139,7 @@ def fit_world(
         restarts=restarts or RESTARTS.get(method, 2 if start.coupled else 5),
         position_tolerance=position_tolerance,
         seed=seed,
-        **({} if each is None else {"each": tuple(each)}),
+        each=tuple(name for name in EACH if name not in (shared or ())) if each is None else tuple(each),
         **({} if shared is None else {"shared": tuple(shared)}),
         **({} if materials is None else {"materials": tuple(materials)}),
     )

@@ -36,11 +36,14 @@ class Probability:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Interval of `LEVEL` from the beta distribution with 1/2 added to both counts; one-sided where all agree."""
+        """Interval of `LEVEL` from the beta distribution with 1/2 added to both counts; it contains the share.
+
+        One-sided where all members agree; where they do so nearly, by the sum of their probabilities, it is widened.
+        """
         a, b, tail = self.true + 0.5, self.members - self.true + 0.5, 0.5 * (1.0 - LEVEL)
         lower = 0.0 if self.true == 0 else float(betaincinv(a, b, tail))
         upper = 1.0 if self.true == self.members else float(betaincinv(a, b, 1.0 - tail))
-        return lower, upper
+        return min(lower, self.share), max(upper, self.share)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,9 @@ from tests.atw_mcp.batch.cases import HIT, discs, rows, write
 
 
 def test_the_table_and_the_exit_code_report_every_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    broken = discs("broken", questions=[{"id": "q", "text": "?", "predicate": {**HIT, "b": "nobody"}}])
+    broken = discs(
+        "broken", questions=[{"id": "q", "text": "?", "predicate": {**HIT, "b": "nobody"}, "horizon_seconds": 1}]
+    )
     manifest = write(tmp_path, discs(), broken, discs("silent", questions=[]))
     given = ["batch", str(manifest), "--out", str(tmp_path / "out"), "--executor", "serial"]
     assert main(given) == 1

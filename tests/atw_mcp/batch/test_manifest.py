@@ -49,6 +49,8 @@ def test_cases_keep_their_lines_places_and_paths(tmp_path: Path) -> None:
         (question(predicate=None), ["questions.0", "predicate"]),
         (question(predicate={"predicate": "colides"}), ["questions.0.predicate", "did you mean 'collides'?"]),
         (question(edits=[{"action": "delete"}]), ["questions.0.edits.0: no action 'delete'", "remove, add, move"]),
+        (question(), ["questions.0.horizon_seconds: is required"]),
+        (question(horizon_seconds=1, ensemble=40), ["questions.0.ensemble: a described world is not fitted"]),
         (question(ensemble=2), ["questions.0: QueryWorld: ensemble"]),
         (question(horizon=2), ["questions.0.horizon: no such field", "horizon_seconds"]),
     ],
@@ -60,9 +62,22 @@ def test_what_is_wrong_is_named_with_its_line_and_what_there_is(tmp_path: Path, 
         assert part in found
 
 
+def test_a_byte_order_mark_is_no_part_of_a_line(tmp_path: Path) -> None:
+    path = tmp_path / "windows.jsonl"
+    path.write_text(json.dumps(discs()), encoding="utf-8-sig")
+    assert [case.entry.id for case in read_manifest(path)] == ["discs"]
+
+
+def test_the_manifest_that_the_readme_runs_has_nothing_wrong() -> None:
+    root = Path(__file__).parents[3]
+    assert "atw-mcp batch atw_mcp/demo/batch.jsonl" in (root / "README.md").read_text()
+    cases = read_manifest(root / "atw_mcp" / "demo" / "batch.jsonl", look_for_files=True)
+    assert [case.entry.kind for case in cases] == ["video", "described"]
+
+
 def test_everything_wrong_is_reported_at_once_and_missing_files_where_asked(tmp_path: Path) -> None:
     broken = {"id": "a", "tracks": "none.csv", "colour": 1}
-    found = findings(tmp_path, broken, "{", question(colour=1), look=True)
+    found = findings(tmp_path, broken, "{", question(colour=1, horizon_seconds=1), look=True)
     assert [text.partition(":")[0] for text in found] == [
         "line 1 (a)",
         "line 1 (a)",

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from atw_mcp.batch.run import BatchRefused, run_batch
-from atw_mcp.batch.shards import new_shard, result_of, under_way
+from atw_mcp.batch.shards import held, new_shard, result_of, under_way
 from evidence_store import Evidence, EvidenceStore
 from evidence_store.checking import check
 from polyworld.executors import SerialExecutor
@@ -94,6 +94,16 @@ def test_what_changed_is_refused_or_run_again(folder: Path) -> None:
     (folder / "none.csv").write_text((folder / "slide.csv").read_text())
     with pytest.raises(BatchRefused, match="has results of gone from before"):
         run_batch(batch, RUN)
+    assert run_batch(batch, RUN, ["failed"]).ran == 1  # what failed may be mended
+
+
+def test_a_second_run_into_the_same_folder_is_refused(folder: Path) -> None:
+    batch = batch_of(folder, discs(), {"id": "gone", "tracks": "none.csv"}, puck(folder))
+    with held(batch.out) as alone:
+        assert alone
+        with pytest.raises(BatchRefused, match="another batch is running"):
+            run_batch(batch, RUN)
+    assert run_batch(batch, RUN).ran == 0
 
 
 def test_a_changed_question_repeats_no_fit_and_leaves_nothing_of_the_earlier_run(folder: Path) -> None:

@@ -101,7 +101,10 @@ def test_a_refinement_that_finds_nothing_and_a_better_draft_are_named(session: S
     good = session("FitWorld", **asked, world=draft, generations=20)
     assert good["data"]["best_draft"] is None
     assert len(good["data"]["starts"]) == 5
-    poor = session("FitWorld", **asked, world=draft, method="random_search", generations=1, population=8)
+    crude = {"world": draft, "method": "random_search", "generations": 1, "population": 8}
+    poor = session("FitWorld", **asked, **crude)
+    tied = session("FitWorld", case=case, shared=["friction"], **crude)  # by default it is fitted for each
+    assert [value["name"] for value in tied["data"]["values"] if "friction" in value["name"]] == ["friction"]
     assert poor["data"]["best_draft"]["world"] == good["data"]["world"]
     assert poor["data"]["loss"] > good["data"]["loss"]
     assert any(good["data"]["world"] in text for text in poor["data"]["warnings"])
@@ -110,6 +113,18 @@ def test_a_refinement_that_finds_nothing_and_a_better_draft_are_named(session: S
     assert any("nothing better" in text for text in thrice["data"]["warnings"])
     assert "starting world" in good["summary"]
     assert "ReadEvidence(path" not in json.dumps(good)
+
+
+def test_noise_that_is_stated_too_large_is_named(session: Session, tmp_path: Path) -> None:
+    path = write_tracks(tmp_path / "slide.csv", speed=1.2, friction=0.23)
+    said = []
+    for name, sigma in (("stated", {"position_sigma": 0.0005}), ("assumed", {})):
+        case = session("OpenCase", data=str(path), name=name)["case"]
+        session("ImportObservation", case=case, kind="tracks", path=str(path), **sigma)
+        session("BuildWorld", case=case, default_shape=BOX)
+        fitted = session("FitWorld", case=case, each=["friction"], shared=[], patience_seconds=300)
+        said.append(any("noise of positions is overstated: puck 0.01" in text for text in fitted["data"]["warnings"]))
+    assert said == [False, True]
 
 
 def test_a_value_that_the_data_want_beyond_its_bound_is_at_the_bound(session: Session, tmp_path: Path) -> None:

@@ -137,6 +137,8 @@ def test_a_probability_has_the_jeffreys_interval() -> None:
     assert (low, high) == pytest.approx((0.654, 0.867), abs=0.003)  # beta(31.5, 9.5)
     assert Probability(0, 40).interval[0] == 0.0
     assert Probability(0, 40).interval[1] == pytest.approx(0.0466, abs=0.001)
+    for nearly in (Probability(1e-5, 40), Probability(40 - 1e-5, 40)):
+        assert nearly.interval[0] <= nearly.share <= nearly.interval[1]
 
 
 def test_the_parameter_that_decides_is_found_with_its_threshold() -> None:
