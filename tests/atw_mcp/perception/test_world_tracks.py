@@ -159,6 +159,7 @@ def test_camera_of_another_image_size_and_unknown_objects_are_refused(
         )
 
 
+@pytest.mark.benchmark  # the default run models the same video in fitting/test_model_video.py
 def test_official_clevrer_video_is_tracked_to_centimetres() -> None:
     scene = "02000"
     if not (CLEVRER / f"video_{scene}.mp4").exists():

@@ -62,6 +62,7 @@ def in_air(_x: Array, v: Array, omega: Array) -> Array:
     return -DRAG * np.linalg.norm(v) * v + LIFT * np.cross(omega, v)
 
 
+@pytest.mark.benchmark
 def test_drag_lift_and_the_spins_decay_are_found_together() -> None:
     report = find_gap(
         flight_world(),

@@ -62,7 +62,7 @@ def leads_there(ground: FittedHypothesis, found: list[ScoreTestStart]) -> bool:
     return right and best.chi2 < 1.1 * context.observations
 
 
-@pytest.mark.parametrize("inside", [0.02, 0.3])
+@pytest.mark.parametrize("inside", [pytest.param(0.02, marks=pytest.mark.benchmark), 0.3])
 def test_a_patch_smoother_or_rougher_is_where_windows_ask_for_it(inside: float) -> None:
     _, ground = on_windows(data(inside))
     patch = with_patch(ground)

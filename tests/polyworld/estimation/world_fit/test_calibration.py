@@ -81,6 +81,7 @@ def two_pucks() -> World:
     )
 
 
+@pytest.mark.benchmark
 def test_where_a_struck_puck_ends_is_answered_as_surely_as_claimed() -> None:
     """The collision is seen, the slide after it is not: speed, friction, restitution, mass and offset are unknown."""
     rng, claims = np.random.default_rng(3), Claims()

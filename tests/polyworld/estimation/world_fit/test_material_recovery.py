@@ -28,7 +28,7 @@ SCENES = {scene.name: scene for scene in scenes()}
     ("name", "tolerance"),
     [
         ("rope", 0.06),  # 16 segments against 48: 3%
-        ("rope over a pulley", 0.05),
+        pytest.param("rope over a pulley", 0.05, marks=pytest.mark.benchmark),
     ],
 )
 def test_hidden_parameters_are_found_though_the_model_is_coarser_than_the_data(name: str, tolerance: float) -> None:
