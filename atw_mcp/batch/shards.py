@@ -12,7 +12,7 @@ import shutil
 import sqlite3
 import tempfile
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -60,14 +60,17 @@ def new_shard(folder: Path, case: str) -> Iterator[Path]:
 
 @contextmanager
 def held(folder: Path) -> Iterator[bool]:
-    """Hold a folder of results, and yield whether no other process does."""
-    with closing(sqlite3.connect(folder / LOCK, timeout=0.0, isolation_level=None)) as database:
+    """Hold a folder of results, and yield whether no other process does; raises StoreError where none can."""
+    alone = True
+    with ExitStack() as opened:
         try:
-            database.execute("BEGIN EXCLUSIVE")
-        except sqlite3.OperationalError:
-            yield False
-        else:
-            yield True
+            database = sqlite3.connect(folder / LOCK, timeout=0.0, isolation_level=None)
+            opened.enter_context(closing(database)).execute("BEGIN EXCLUSIVE")
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode != sqlite3.SQLITE_BUSY:
+                raise StoreError(f"{folder} cannot be written ({error}): choose another --out") from error
+            alone = False
+        yield alone
 
 
 def remove_unfinished(folder: Path) -> None:

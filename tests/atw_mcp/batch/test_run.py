@@ -11,7 +11,7 @@ import pytest
 
 from atw_mcp.batch.run import BatchRefused, run_batch
 from atw_mcp.batch.shards import held, new_shard, result_of, under_way
-from evidence_store import Evidence, EvidenceStore
+from evidence_store import Evidence, EvidenceStore, StoreError
 from evidence_store.checking import check
 from polyworld.executors import SerialExecutor
 from tests.atw_mcp.batch.cases import MEETING, batch_of, discs, puck, rows
@@ -104,6 +104,8 @@ def test_a_second_run_into_the_same_folder_is_refused(folder: Path) -> None:
         with pytest.raises(BatchRefused, match="another batch is running"):
             run_batch(batch, RUN)
     assert run_batch(batch, RUN).ran == 0
+    with pytest.raises(StoreError, match="cannot be written"), held(folder / "none"):
+        pass
 
 
 def test_a_changed_question_repeats_no_fit_and_leaves_nothing_of_the_earlier_run(folder: Path) -> None:
