@@ -9,6 +9,7 @@ are unbiased to a fraction of a pixel and stop at the edge of their own contact 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -48,7 +49,7 @@ class Foreground:
         inside: Mask = self.labels > 0
         return inside
 
-    @property
+    @cached_property
     def dim(self) -> Mask:
         """Pixels (H, W) that could as well be in a dark shadow."""
         lit: Mask = self.shade > SHADOW_DEEPEST

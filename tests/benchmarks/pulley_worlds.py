@@ -10,15 +10,13 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from polyworld.data.tracks import ObservedTracks
 from tests.benchmarks.clevrer_tools import Caller
-from tests.benchmarks.question_folders import AskedPulleys
-
-Source = Literal["video", "annotation"]
+from tests.benchmarks.question_folders import AskedPulleys, Source
 
 NOISE = 0.002  # m, of positions from an annotation
 MUCH = 5.0  # by what factor a much heavier thing is heavier

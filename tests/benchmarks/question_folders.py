@@ -10,7 +10,10 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+Source = Literal["video", "annotation"]
+"""What worlds are made from."""
 
 CAMERA = "camera_homography_z0.2.json"
 

@@ -21,18 +21,17 @@ import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from polyworld.executors import Failure, add_executor_argument, executor_from
 from tests.benchmarks import questions_clevrer, questions_pulleys
-from tests.benchmarks.question_folders import CAMERA, Asked, AskedPulleys, clevrer_scenes, pulley_scenes
+from tests.benchmarks.question_folders import CAMERA, Asked, AskedPulleys, Source, clevrer_scenes, pulley_scenes
 from tests.benchmarks.question_scores import SceneRun, causes, print_rows, rows
 from tests.scenes.clevrer_data import default_folder
 
 SOLIDS, PULLEYS = "0-2", "0-2"
 FULL_SOLIDS, FULL_PULLEYS = "0-39", "0-23"  # about 200 predictive and counterfactual questions about solids
 
-Source = Literal["video", "annotation"]
 Piece = tuple[Asked | AskedPulleys, Source, Path | None]
 
 

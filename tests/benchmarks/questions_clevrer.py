@@ -15,9 +15,9 @@ from mcp import Client
 from atw_mcp.server import build_server
 from tests.benchmarks.clevrer_programs import Happening, Known, NotInScene, answer_choice, answer_words
 from tests.benchmarks.clevrer_tools import Caller
-from tests.benchmarks.question_folders import Asked
+from tests.benchmarks.question_folders import Asked, Source
 from tests.benchmarks.question_scores import Judged, Question, SceneRun
-from tests.benchmarks.question_worlds import Facts, Source, annotated, facts, matched, straight
+from tests.benchmarks.question_worlds import Facts, annotated, facts, matched, straight
 from tests.scenes.clevrer_events import TOLERANCE
 
 GROUP = "CLEVRER"

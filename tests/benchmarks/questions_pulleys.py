@@ -13,8 +13,8 @@ from mcp import Client
 
 from atw_mcp.server import build_server
 from tests.benchmarks.clevrer_tools import Caller
-from tests.benchmarks.pulley_worlds import BRANCH, MUCH, Layout, Pulled, Source, modelled
-from tests.benchmarks.question_folders import AskedPulleys
+from tests.benchmarks.pulley_worlds import BRANCH, MUCH, Layout, Pulled, modelled
+from tests.benchmarks.question_folders import AskedPulleys, Source
 from tests.benchmarks.question_scores import Judged, Question, SceneRun
 
 GROUP = "ContPhy"

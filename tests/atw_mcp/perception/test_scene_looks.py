@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from atw_mcp.perception.artefacts import artefacts
 from atw_mcp.perception.background import model_background
 from atw_mcp.perception.camera_motion import as_filmed, camera_motion, stabilised
 from atw_mcp.perception.observe import observe
-from atw_mcp.perception.segmentation import shadows_of
+from atw_mcp.perception.segmentation import Foreground, shadows_of
 from atw_mcp.perception.still_colours import rare_colour_regions
 
 HEIGHT, WIDTH = 180, 240
@@ -83,6 +84,21 @@ def test_bodies_that_move_before_a_plain_wall_are_no_motion_of_the_camera() -> N
         cv2.circle(film[t], (180 - 4 * t, 60), 15, (200, 30, 30), -1)
     assert camera_motion(film) is None
     assert camera_motion(np.repeat(film[:1], 6, axis=0)) is None
+
+
+def test_a_brief_slip_beside_a_large_body_is_a_piece_of_it_and_a_small_body_is_not() -> None:
+    count = 20
+    film = np.full((count, HEIGHT, WIDTH, 3), 160, np.uint8)
+    nothing = np.zeros((HEIGHT, WIDTH), dtype=bool)
+    plain = Foreground(nothing.astype(np.uint8), np.zeros(0, np.int32), nothing, np.ones(nothing.shape, np.float16))
+    masks = {k: [nothing.copy() for _ in range(count)] for k in (1, 2, 3)}
+    for t in range(count):
+        masks[1][t][60:100, 20 + 4 * t : 60 + 4 * t] = True
+        if t >= 12:
+            masks[2][t][101:105, 30 + 4 * t : 40 + 4 * t] = True  # a slip under it
+        masks[3][t][101:106, 190 - 6 * t : 200 - 6 * t] = True  # as small, and passing by
+    found = artefacts(masks, [plain] * count, model_background(film), None)
+    assert found == {2: "fragment"}
 
 
 def test_a_grey_ball_whose_lit_side_is_as_dark_as_its_shadow_is_seen_whole(tmp_path: Path) -> None:

@@ -173,7 +173,9 @@ def check_views(reader: Reader, world: World) -> None:
         place = next(o.position for o in world.objects if o.name == name)
         assert seen == pytest.approx(world.camera.project(np.array([place]))[0], abs=0.5)  # px
         reader.press("o")
-    assert page.evaluate("document.documentElement.scrollWidth") == page.viewport_size["width"]  # type: ignore[index]
+    size = page.viewport_size
+    assert size is not None
+    assert page.evaluate("document.documentElement.scrollWidth") == size["width"]
 
 
 def check_events(reader: Reader, runs: dict[str, tuple[World, Rollout]], rollout: str) -> None:
