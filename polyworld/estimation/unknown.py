@@ -34,6 +34,7 @@ class Unknown:
     plausible: float | None = None
     prior: tuple[float, float] | None = None
     scale: Literal["linear", "log"] = "linear"
+    powers: tuple[float, ...] = ()
     enters: float = 0.0
 
     def is_of(self, run: Run) -> bool:

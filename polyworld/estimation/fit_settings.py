@@ -1,0 +1,84 @@
+"""Settings of fits: priors of constants, links between stretches, least squares, prediction; each with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+Gaussian = tuple[float, float]
+# Mean coefficient against dry surfaces, and standard deviation of its logarithm, by words in the name of a material:
+# ranges of engineering handbooks (Avallone, Baumeister & Sadegh, Marks' Handbook, 11th ed., section 3.2; the sliding
+# coefficients of dry pairs with wood, stone, plastic and steel) taken for two deviations.
+FRICTION_OF = {
+    "rubber": (0.7, 0.25),
+    "metal": (0.3, 0.35),
+    "steel": (0.3, 0.35),
+    "iron": (0.3, 0.35),
+    "aluminium": (0.3, 0.35),
+    "brass": (0.3, 0.35),
+    "wood": (0.4, 0.3),
+    "plastic": (0.3, 0.35),
+    "glass": (0.35, 0.4),
+    "ice": (0.04, 0.5),
+}
+
+
+@dataclass(frozen=True)
+class PriorSettings:
+    """Mean and standard deviation of what is ordinary, of logarithms where the name begins with `ln`."""
+
+    ln_friction: Gaussian = (-0.92, 0.5)  # 0.4: dry contacts of wood, plastic, rubber, metal lie within two deviations
+    friction_of: Mapping[str, Gaussian] = field(default_factory=lambda: FRICTION_OF)
+    ln_surface: Gaussian = (-0.36, 0.5)  # 0.7: of the surface's own coefficient, which sets that of pairs of bodies
+    restitution: Gaussian = (0.5, 0.15)
+    linear_damping: float = 0.15  # [1/s] half-normal
+    quadratic_damping: float = 0.1  # [1/m] half-normal: a ball of 4 cm in air has 0.15
+    angular_damping: float = 0.15  # [1/s] half-normal
+    ln_mass: float = 0.6  # wood against plastic against a hollow body; of masses that were not given
+    rolling: float = 0.03  # of the radius, half-normal: between steel on steel (0.001) and a soft ball on carpet (0.05)
+    surface_speed: float = 0.5  # [m/s] at the surface by a spin that was not observed, as a hand gives
+    slip: float = 0.35  # of the rolling spin, by which that of a supported ball may depart from rolling
+
+
+@dataclass(frozen=True)
+class LinkSettings:
+    """Links between the stretches of a run that a collision separates.
+
+    gain: chi-square by which two quadratics must beat one cubic about an instant for a velocity jump: a ninth of a
+    sample's worth of noise does it once in a million instants. window: samples on either side. Bodies that take part
+    keep their place to `place` [m] and their velocity to a share `jump` of the largest change of velocity, what rigid
+    impact models are off by; the others to `close` [m] and `near` [m/s], hundredths of ordinary sizes and speeds.
+    """
+
+    gain: float = 40.0
+    window: int = 10
+    place: float = 0.03
+    jump: float = 0.1
+    close: float = 0.003
+    near: float = 0.03
+    turn: float = 0.1
+
+
+@dataclass(frozen=True)
+class DescentSettings:
+    """Least squares. huber: standard deviations beyond which residuals count linearly. dampings: factors on
+    Marquardt's parameter tried in one batch. rest: fall of chi-square below which an iteration gains nothing; twice in
+    a row ends a stage. step: share of a prior's deviation, or of a state's, by which derivatives are taken.
+    """
+
+    huber: float = 4.0
+    dampings: tuple[float, ...] = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0)
+    iterations: int = 25
+    rest: float = 1e-2
+    step: float = 2e-3
+    opening: int = 8  # samples of the first stage: they show initial states and seldom a contact
+    stages: tuple[float, ...] = (0.35, 0.7, 1.0)
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """Settings of all stages of a fit."""
+
+    priors: PriorSettings = field(default_factory=PriorSettings)
+    links: LinkSettings = field(default_factory=LinkSettings)
+    descent: DescentSettings = field(default_factory=DescentSettings)

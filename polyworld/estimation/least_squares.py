@@ -1,0 +1,250 @@
+"""Robust least squares over runs that share constants: block-bordered normal equations, states eliminated by run.
+
+Levenberg-Marquardt (Marquardt 1963) with Huber's loss by iterated weights; derivatives by central differences in one
+batch a stretch; several dampings tried in one batch; bounds by an active set. Runs are joined by the shared unknowns
+alone, so that initial states are eliminated by a Schur complement a run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.estimation.declared import bounds_in_coordinates
+from polyworld.estimation.fit_settings import DescentSettings
+from polyworld.estimation.machines import Machines
+from polyworld.estimation.problem import Block, Evaluated, evaluate, link_start
+from polyworld.estimation.unknown import Unknown
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Point:
+    """Shared coordinates (S,), and initial states (N,) of every block of every run."""
+
+    shared: Array
+    states: tuple[tuple[Array, ...], ...]
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """Residuals (m,) of a block, slopes by shared (m, S) and by its states (m, N); the same of its end, if linked."""
+
+    residuals: Array
+    shared: Array
+    states: Array
+    end: tuple[Array, Array, Array] | None
+
+
+@dataclass
+class Normal:
+    """Normal equations: of the shared coordinates (S, S), (S,), and by run of its states (n, n), (n,), and both."""
+
+    shared: Array
+    gradient: Array
+    own: list[Array]
+    own_gradient: list[Array]
+    border: list[Array]
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where a descent ended. cost: robust chi-square with priors; misfit: without priors and links; count: of residuals."""
+
+    point: Point
+    cost: float
+    normal: Normal
+    iterations: int
+    converged: bool
+
+
+class Problem:
+    """Runs of blocks with shared unknowns that have Gaussian priors."""
+
+    def __init__(self, runs: Sequence[Sequence[Block]], shared: Sequence[Unknown], settings: DescentSettings) -> None:
+        self.runs, self.shared, self.settings = [tuple(r) for r in runs], tuple(shared), settings
+        self.lower, self.upper = bounds_in_coordinates(shared)
+        self.prior_mean = np.array([u.prior[0] if u.prior else 0.0 for u in shared])
+        self.prior_sd = np.array([u.prior[1] if u.prior else np.inf for u in shared])
+        self.typical = np.array([u.typical for u in shared])
+        machines = Machines()
+        for run in self.runs:
+            for block in run:
+                block.prepare(self.shared, machines)
+        self.rollouts = 0
+
+    def start(self) -> Point:
+        """Return where unknowns start."""
+        shared = np.array([np.log(u.start) if u.scale == "log" else u.start for u in self.shared])
+        return Point(shared, tuple(tuple(b.states.start.copy() for b in run) for run in self.runs))
+
+    def costs(self, points: Sequence[Point], most: float) -> Array:
+        """Return the robust chi-square (K,) of points, priors and links included."""
+        shared = np.stack([p.shared for p in points])
+        states = [[np.stack([p.states[r][b] for p in points]) for b in range(len(run))] for r, run in enumerate(self.runs)]
+        total: Array = self.prior_costs(shared) + self.run_costs(shared, states, most).sum(axis=1)
+        return total
+
+    def prior_costs(self, shared: Array) -> Array:
+        """Return the part (K,) of the priors of shared coordinates (K, S)."""
+        total: Array = (((shared - self.prior_mean) / self.prior_sd) ** 2).sum(axis=1)
+        return total
+
+    def run_costs(self, shared: Array, states: Sequence[Sequence[Array]], most: float) -> Array:
+        """Return the robust chi-square (K, R) of runs at shared (K, S) and states[run][block] (K, N)."""
+        settings = [(b, shared, states[r][i]) for r, run in enumerate(self.runs) for i, b in enumerate(run)]
+        found = iter(self.evaluate(settings, most))
+        total = np.zeros((len(shared), len(self.runs)))
+        for r, run in enumerate(self.runs):
+            for i, block in enumerate(run):
+                one, prior = next(found), block.states.prior
+                total[:, r] += _huber(one.residuals, self.settings.huber).sum(axis=1)
+                total[:, r] += (((states[r][i] - prior[:, 0]) / prior[:, 1]) ** 2).sum(axis=1)
+                if one.end is not None:
+                    start, _ = link_start(run[i + 1], block, states[r][i + 1])
+                    total[:, r] += _huber(one.end - start, self.settings.huber).sum(axis=1)
+        return total
+
+    def evaluate(self, settings: Sequence[tuple[Block, Array, Array]], most: float) -> list[Evaluated]:
+        """Evaluate settings of blocks, simulated together."""
+        self.rollouts += sum(len(s) for _, s, _ in settings)
+        return evaluate(settings, most)
+
+    def normal(self, at: Point, most: float) -> Normal:
+        """Linearise at a point."""
+        s = len(self.shared)
+        found = Normal(np.zeros((s, s)), np.zeros(s), [], [], [])
+        inside = np.isfinite(self.prior_sd)
+        found.shared[inside, inside] += self.prior_sd[inside] ** -2.0
+        found.gradient[inside] += ((at.shared - self.prior_mean) / self.prior_sd**2)[inside]
+        slopes = iter(self._linearised(at, most))
+        for r, run in enumerate(self.runs):
+            sizes = np.cumsum([0, *(b.states.count for b in run)])
+            own, border = np.zeros((sizes[-1], sizes[-1])), np.zeros((sizes[-1], s))
+            gradient = np.zeros(sizes[-1])
+            for b, block in enumerate(run):
+                where = np.arange(sizes[b], sizes[b + 1])
+                one = next(slopes)
+                pieces = [(one.residuals, one.shared, one.states, where)]
+                if one.end is not None:
+                    end, a, y = one.end
+                    start, turn = link_start(run[b + 1], block, at.states[r][b + 1][None])
+                    both = np.arange(sizes[b], sizes[b + 2])
+                    pieces.append((end - start[0], a, np.concatenate([y, -turn], axis=1), both))
+                for residual, a, y, place in pieces:
+                    w = _weights(residual, self.settings.huber)
+                    aw, yw = a * w[:, None], y * w[:, None]
+                    found.shared += aw.T @ a
+                    found.gradient += aw.T @ residual
+                    own[np.ix_(place, place)] += yw.T @ y
+                    gradient[place] += yw.T @ residual
+                    border[place] += yw.T @ a
+                prior = block.states.prior
+                own[where, where] += prior[:, 1] ** -2.0
+                gradient[where] += np.where(np.isfinite(prior[:, 1]), (at.states[r][b] - prior[:, 0]) * prior[:, 1] ** -2.0, 0.0)
+            found.own.append(own)
+            found.own_gradient.append(gradient)
+            found.border.append(border)
+        return found
+
+    def _linearised(self, at: Point, most: float) -> list[Linearised]:
+        """Return residuals and slopes of every block, by central differences in one batch."""
+        settings, widths = [], []
+        s = len(at.shared)
+        for run, own in zip(self.runs, at.states, strict=True):
+            for block, states in zip(run, own, strict=True):
+                n = len(states)
+                steps = np.concatenate([self.typical, block.states.typical]) * self.settings.step
+                centre = np.concatenate([at.shared, states])
+                up = np.minimum(centre + steps, np.concatenate([self.upper, np.full(n, np.inf)]))
+                down = np.maximum(centre - steps, np.concatenate([self.lower, np.full(n, -np.inf)]))
+                index = np.arange(s + n)
+                points = np.repeat(centre[None], 2 * (s + n) + 1, axis=0)
+                points[1 + index, index], points[1 + s + n + index, index] = up, down
+                settings.append((block, points[:, :s], points[:, s:]))
+                widths.append((up - down)[:, None])
+        found = []
+        for one, width in zip(self.evaluate(settings, most), widths, strict=True):
+            n = len(width)
+            slopes = ((one.residuals[1 : 1 + n] - one.residuals[1 + n :]) / width).T
+            end = None
+            if one.end is not None:
+                of_end = ((one.end[1 : 1 + n] - one.end[1 + n :]) / width).T
+                end = (one.end[0], of_end[:, :s], of_end[:, s:])
+            found.append(Linearised(one.residuals[0], slopes[:, :s], slopes[:, s:], end))
+        return found
+
+    def step(self, normal: Normal, at: Point, damping: float) -> Point:
+        """Return the point that a damped Gauss-Newton step leads to, within bounds."""
+        s = len(self.shared)
+        shared, gradient = normal.shared + damping * np.diag(np.diag(normal.shared) + 1e-12), normal.gradient.copy()
+        solved = []
+        for own, g, border in zip(normal.own, normal.own_gradient, normal.border, strict=True):
+            if not len(g):
+                solved.append((g, border))
+                continue
+            damped = own + np.diag(damping * np.diag(own) + 1e-9)
+            both = np.linalg.solve(damped, np.concatenate([g[:, None], border], axis=1))
+            shared = shared - border.T @ both[:, 1:]
+            gradient = gradient - border.T @ both[:, 0]
+            solved.append((both[:, 0], both[:, 1:]))
+        free = ~(((at.shared <= self.lower) & (normal.gradient > 0.0)) | ((at.shared >= self.upper) & (normal.gradient < 0.0)))
+        change = np.zeros(s)
+        if free.any():
+            change[free] = -np.linalg.lstsq(shared[np.ix_(free, free)], gradient[free], rcond=1e-12)[0]
+        moved = np.clip(at.shared + change, self.lower, self.upper)
+        change = moved - at.shared
+        states = []
+        for run, own_states, (g, border) in zip(self.runs, at.states, solved, strict=True):
+            turn = -g - border @ change
+            cuts = np.cumsum([b.states.count for b in run])[:-1]
+            states.append(tuple(y + d for y, d in zip(own_states, np.split(turn, cuts), strict=True)))
+        return Point(moved, tuple(states))
+
+    def descend(
+        self, at: Point, most: float, iterations: int | None = None, watch: Callable[[float], None] | None = None
+    ) -> Minimum:
+        """Minimise from a point over a share of every stretch's time."""
+        cost = float(self.costs([at], most)[0])
+        damping, still, number = 1e-2, 0, 0
+        normal = self.normal(at, most)
+        for number in range(1, (iterations or self.settings.iterations) + 1):
+            trials = [self.step(normal, at, damping * f) for f in self.settings.dampings]
+            costs = self.costs(trials, most)
+            best = int(np.argmin(costs))
+            gain = cost - float(costs[best])
+            if gain > 0.0:
+                at, cost = trials[best], float(costs[best])
+                damping = float(np.clip(damping * self.settings.dampings[best], 1e-8, 1e4))
+                normal = self.normal(at, most)
+            else:
+                damping = float(np.clip(damping * self.settings.dampings[-1], 1e-8, 1e6))
+            if watch is not None:
+                watch(cost)
+            still = still + 1 if gain < self.settings.rest else 0
+            if still >= 2:
+                break
+        return Minimum(at, cost, normal, number, still >= 2)
+
+    def fit(self, at: Point | None = None, watch: Callable[[float], None] | None = None) -> Minimum:
+        """Fit over growing shares of the time, from where unknowns start or from a point."""
+        at = at or self.start()
+        found = self.descend(at, float(self.settings.opening), watch=watch)
+        for share in self.settings.stages:
+            found = self.descend(found.point, share, watch=watch)
+        return found
+
+
+def _huber(residuals: Array, threshold: float) -> Array:
+    size = np.abs(residuals)
+    loss: Array = np.where(size <= threshold, size**2, 2.0 * threshold * size - threshold**2)
+    return loss
+
+
+def _weights(residuals: Array, threshold: float) -> Array:
+    weights: Array = np.minimum(1.0, threshold / np.maximum(np.abs(residuals), 1e-300))
+    return weights

@@ -1,0 +1,137 @@
+"""Blocks of a study made ready: whitened residuals of many settings, by batches of rollouts.
+
+A block is a run, or a stretch of one: a world, instants, what was measured at them, and initial states of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.estimation.initial_state import StateMap
+from polyworld.estimation.machines import Job, Machines, Seat, roll
+from polyworld.estimation.stretches import Link
+from polyworld.estimation.unknown import Unknown
+from polyworld.trajectory import BatchTrajectory
+from polyworld.world import World
+from polyworld.world.parameters import parameter_paths
+
+Array = NDArray[np.float64]
+
+LOST = 1e3  # standard deviations that a residual counts whose rollout diverges
+
+
+class Readout(Protocol):
+    """What was measured in a block, in the order of time."""
+
+    def residuals(self, batch: BatchTrajectory, samples: int) -> Array:
+        """Return standardised residuals (k, m) of all that was measured within the first `samples` instants."""
+        ...
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """Residuals (k, m) of k settings in standard deviations, and where they end (k, q) in those of the link."""
+
+    residuals: Array
+    end: Array | None
+
+
+@dataclass
+class Block:
+    """A run, or a stretch of one.
+
+    times (T,) [s]: instants at which it was measured, since its start. observed_by: path -> parameters (k,) of worlds
+    that follow from others, such as a clock's; None where nothing does.
+    """
+
+    name: str
+    world: World
+    times: Array
+    readout: Readout
+    states: StateMap
+    link: Link | None = None
+    derive: Callable[[dict[str, Array]], Mapping[str, Array]] | None = None
+    seat: Seat = field(init=False, repr=False)
+    _terms: dict[str, list[tuple[int, float, bool]]] = field(init=False, repr=False)
+
+    def prepare(self, shared: Sequence[Unknown], machines: Machines) -> None:
+        """Take a seat, and find which shared unknowns count in this block's world."""
+        end = [self.link.time] if self.link else []
+        self.seat = machines.seat(self.world, np.concatenate([self.times, end]))
+        known = parameter_paths(self.world)
+        self._terms = {}
+        for i, u in enumerate(shared):
+            powers = u.powers or (1.0,) * len(u.paths)
+            for path, power in zip(u.paths, powers, strict=True):
+                if path in known and u.run in (None, self.name):
+                    self._terms.setdefault(path, []).append((i, power, u.scale == "log"))
+        self._limits = {path: (known[path].lower, known[path].upper) for path in self._terms}
+
+    def samples(self, most: float) -> int:
+        """Return how many samples lie within a share `most` of the block's time; above 1, that many."""
+        if most > 1.0:
+            return min(int(most), len(self.times))
+        end = self.times[0] + most * (self.times[-1] - self.times[0])
+        return max(2, int(np.searchsorted(self.times, end * (1.0 + 1e-12), "right")))
+
+    def overrides(self, shared: Array, states: Array) -> dict[str, Array]:
+        """Return values (k,) by path of shared coordinates (k, S) and states (k, N)."""
+        found: dict[str, Array] = {}
+        for path, terms in self._terms.items():
+            i, power, logarithmic = terms[0]
+            value = np.exp(sum(p * shared[:, j] for j, p, _ in terms)) if logarithmic else power * shared[:, i]
+            found[path] = np.clip(value, *self._limits[path])
+        found |= self.states.overrides(states, found)
+        if self.derive is not None:
+            found |= self.derive(found)
+        return found
+
+    def job(self, shared: Array, states: Array, most: float) -> Job:
+        """Return the rollouts that an evaluation takes."""
+        count = self.samples(most)
+        reach = len(self.times) + (self.link is not None) if count == len(self.times) else count
+        return Job(self.seat, self.overrides(shared, states), len(shared), reach)
+
+    def read(self, batch: BatchTrajectory, most: float) -> Evaluated:
+        """Compare the motion of such rollouts with what was measured."""
+        count = self.samples(most)
+        broken = batch.stopped
+        residuals = self.readout.residuals(batch, count)
+        residuals[broken | ~np.isfinite(residuals).all(axis=1)] = LOST
+        if self.link is None or count < len(self.times):
+            return Evaluated(residuals, None)
+        columns = [batch.names.index(n) for n in self.link.place]
+        place = batch.positions[:, len(self.times), columns] / np.array(list(self.link.place.values()))[:, None]
+        speed = batch.velocities[:, len(self.times), columns] / np.array(list(self.link.velocity.values()))[:, None]
+        end = np.concatenate([place, speed], axis=2).reshape(len(place), -1)
+        end[broken] = LOST
+        return Evaluated(residuals, end)
+
+
+def evaluate(settings: Sequence[tuple[Block, Array, Array]], most: float) -> list[Evaluated]:
+    """Evaluate settings (block, shared (k, S), states (k, N)), simulated together."""
+    motions = roll([block.job(shared, states, most) for block, shared, states in settings])
+    return [block.read(batch, most) for (block, _, _), batch in zip(settings, motions, strict=True)]
+
+
+def link_start(block: Block, before: Block, states: Array) -> tuple[Array, Array]:
+    """Return where settings (k, N) of a stretch begin, in the units of the link before (k, q), and slopes (q, N)."""
+    link = before.link
+    assert link is not None
+    index = {path: j for j, path in block.states.paths.items()}
+    start = np.zeros((len(states), 6 * len(link.place)))
+    slopes = np.zeros((start.shape[1], states.shape[1]))
+    for a, name in enumerate(link.place):
+        item = block.world.object(name)
+        for f, (kind, sd) in enumerate((("position", link.place[name]), ("velocity", link.velocity[name]))):
+            for c, axis in enumerate("xyz"):
+                row, j = 6 * a + 3 * f + c, index.get(f"objects.{name}.{kind}.{axis}")
+                start[:, row] = (getattr(item, kind)[c] if j is None else states[:, j]) / sd
+                if j is not None:
+                    slopes[row, j] = 1.0 / sd
+    return start, slopes

@@ -1,0 +1,164 @@
+"""Cut runs into stretches at collisions, with free initial states and soft links between them.
+
+No rigid impact model reproduces a collision exactly, and one that must would bend friction and damping to make up for
+it. Here the state after a collision is free, and bound to what the model predicts by a standard deviation of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.data.initial_states import initial_states, with_initial_states
+from polyworld.data.tracks import ObservedTracks
+from polyworld.estimation.fit_settings import LinkSettings
+from polyworld.world import World, geometry
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Link:
+    """Bond of a stretch's end to the next one's start.
+
+    time [s]: of the next one's start, counted from that of this one. place [m], velocity [m/s]: standard deviations by
+    object.
+    """
+
+    time: float
+    place: dict[str, float]
+    velocity: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Part of a run without a collision inside that links others.
+
+    run: index. begin [s]: when it begins, in the run's time. world: in which objects start as the tracks begin. tracks:
+    with frames counted from that start. link: to the next stretch; None for the last.
+    """
+
+    run: int
+    begin: float
+    world: World
+    tracks: ObservedTracks
+    link: Link | None
+
+
+def velocity_jumps(
+    tracks: ObservedTracks, seconds_per_frame: float, noise: Array, rows: range, settings: LinkSettings
+) -> Array:
+    """Return by how much chi-square (T, n) two quadratics beat one cubic about each frame of each track.
+
+    noise (n,) [m]. rows: looked at. Zero where fewer than four samples are near on either side.
+    """
+    w = settings.window
+    gains = np.zeros((len(tracks.frames), len(tracks.names)))
+    for column in range(len(tracks.names)):
+        seen = np.flatnonzero(tracks.confidence[:, column] > 0.0)
+        seen = seen[(seen >= rows.start) & (seen < rows.stop)]
+        times, points = tracks.frames[seen] * seconds_per_frame, tracks.positions[seen, column] / noise[column]
+        for i in range(4, len(seen) - 3):
+            left, right = slice(max(0, i - w), i), slice(i, min(i + w, len(seen)))
+            centred = times - times[i]
+            one = _misfit(centred[left.start : right.stop], points[left.start : right.stop], 3)
+            two = _misfit(centred[left], points[left], 2) + _misfit(centred[right], points[right], 2)
+            gains[seen[i], column] = one - two
+    return gains
+
+
+def _misfit(times: Array, points: Array, degree: int) -> float:
+    design = np.vander(times, degree + 1)
+    return float(((points - design @ np.linalg.lstsq(design, points, rcond=None)[0]) ** 2).sum())
+
+
+def collisions(
+    world: World, tracks: ObservedTracks, noise: Array, settings: LinkSettings
+) -> list[tuple[int, tuple[str, ...]]]:
+    """Return rows of the first frames after collisions of two bodies or more, and who takes part.
+
+    By binary segmentation: at the instant at which velocities jump most, then on either side of it. Bodies that take
+    part are near one another.
+    """
+    reach = {o.name: geometry.circumscribed_radius(o.shape) for o in world.objects if o.name in tracks.names}
+    step = world.time.seconds_per_frame
+
+    def met(row: int, a: str, b: str) -> bool:
+        rows = slice(max(row - 2, 0), row + 2)
+        apart = tracks.positions[rows, tracks.index(a)] - tracks.positions[rows, tracks.index(b)]
+        moved = np.abs(np.diff(apart, axis=0)).max(initial=0.0)
+        nearest = np.nanmin(np.linalg.norm(apart, axis=1), initial=np.inf)
+        return bool(nearest < reach[a] + reach[b] + moved + 4.0 * float(noise.max()))
+
+    def within(rows: range) -> list[tuple[int, tuple[str, ...]]]:
+        gains = velocity_jumps(tracks, step, noise, rows, settings)
+        total = np.where(gains > settings.gain, gains, 0.0)
+        while True:
+            row = int(np.argmax(total.sum(axis=1)))
+            if total[row].sum() <= settings.gain:
+                return []
+            jumped = [n for n, g in zip(tracks.names, gains[max(row - 1, 0) : row + 2].max(axis=0), strict=True)
+                      if g > settings.gain and n in reach]  # fmt: skip
+            who = tuple(a for a in jumped if any(met(row, a, b) for b in jumped if b != a))
+            if who:
+                return [*within(range(rows.start, row)), (row, who), *within(range(row, rows.stop))]
+            total[row] = 0.0
+
+    return within(range(len(tracks.frames)))
+
+
+def stretches(
+    index: int, world: World, tracks: ObservedTracks, noise: Array, settings: LinkSettings
+) -> tuple[Stretch, ...]:
+    """Cut one run at its collisions of two or more bodies; a run without any is one stretch.
+
+    A frame at the collision itself belongs to neither side, since it may lie before or after.
+    """
+    step = world.time.seconds_per_frame
+    cuts = collisions(world, tracks, noise, settings) if not world.coupled else []
+    found: list[Stretch] = []
+    first = 0
+    for row, who in [*cuts, (len(tracks.frames) + 1, ())]:
+        rows = slice(first, max(row - 1, first + 1)) if who else slice(first, len(tracks.frames))
+        frames = tracks.frames[rows]
+        part = tracks.window(int(frames[0]), int(frames[-1]))
+        begin = 0 if first == 0 else int(frames[0])
+        part = replace(part, frames=part.frames - begin)
+        time = world.time.model_copy(update={"origin": world.time.origin + begin * step})
+        own = with_initial_states(world.model_copy(update={"time": time}), part)
+        if found:
+            own = _carried_on(found[-1], own, part, begin * step - found[-1].begin)
+        found.append(Stretch(index, begin * step, own, part, None))
+        if who:
+            first = row + 1
+    for i, (_, who) in enumerate(cuts):
+        here, later = found[i], found[i + 1]
+        jump = max(
+            float(np.linalg.norm(np.subtract(later.world.object(n).velocity, here.world.object(n).velocity)))
+            for n in who
+        )
+        shared = [o.name for o in world.objects if here.world.object(o.name).start_time < later.begin - here.begin]
+        place = {n: settings.place if n in who else settings.close for n in shared}
+        velocity = {n: max(settings.jump * jump, settings.near) if n in who else settings.near for n in shared}
+        found[i] = replace(here, link=Link(later.begin - here.begin, place, velocity))
+    return tuple(found)
+
+
+def _carried_on(before: Stretch, world: World, part: ObservedTracks, time: float) -> World:
+    """Place objects that are not observed in a stretch where the one before leads them, unless they never were."""
+    states = initial_states(part, seconds_per_frame=world.time.seconds_per_frame)
+    moved = {}
+    for item in world.objects:
+        if item.name in states or item.name not in before.tracks.names:
+            continue
+        earlier = before.world.object(item.name)
+        place = np.asarray(earlier.position) + time * np.asarray(earlier.velocity)
+        moved[item.name] = {
+            "position": tuple(float(v) for v in place),
+            "velocity": earlier.velocity,
+            "start_time": 0.0,
+        }
+    objects = tuple(o.model_copy(update=moved.get(o.name, {})) for o in world.objects)
+    return world.model_copy(update={"objects": objects})
