@@ -1,22 +1,31 @@
-"""Declare the unknowns of a study: constants tied by material, with what is ordinary as priors, and initial states."""
+"""Declare the constants of a study: what a fit may change beside initial states, with what is ordinary as priors."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from polyworld.data.initial_states import InitialState, initial_states
-from polyworld.estimation.fit_settings import PriorSettings
-from polyworld.estimation.stretches import Stretch
+from polyworld.estimation.fit_settings import Gaussian, PriorSettings
 from polyworld.estimation.study import Study
 from polyworld.estimation.unknown import Unknown
-from polyworld.world import Effect, World, geometry
-from polyworld.world.parameters import specification
+from polyworld.expressions.effect import law_of
+from polyworld.world import Effect, World
+from polyworld.world.materials import material_of
+from polyworld.world.parameter_tables import ParameterSpec
+from polyworld.world.parameters import parameter_paths, read_parameter, specification
 from polyworld.world.representations.rigid import RigidObject
+from polyworld.world.shapes import Capsule, Cylinder, Sphere
 
-AIR = "air"
+Rolling = Literal["slides", "rolls", "skids"]
+"""How balls and lying cylinders move: launched without spin, rolling from the start, or never rolling up."""
+
+RESISTANCE = "resistance"  # name of the effect that a fit adds
 PLANE = "environment.motion_plane.friction"
+SKIDS = 0.5  # lever arm of rolling resistance, in radii, above friction's: no ball rolls up against it
+DECADES, RATIO = 100.0, 3.0  # a value outside the usual range, and a time base, are varied within this factor
 
 
 def group(item: RigidObject) -> str:
@@ -24,99 +33,236 @@ def group(item: RigidObject) -> str:
     return item.appearance.material or item.name
 
 
+def can_roll(item: RigidObject) -> bool:
+    """Return whether an object is of a shape that rolls."""
+    return isinstance(item.shape, Sphere | Cylinder | Capsule)
+
+
 def with_resistance(world: World) -> World:
-    """Return the world with quadratic damping at rate 0, and a coefficient of the planar surface's own."""
-    effects = world.effects
-    if not any(e.kind in ("quadratic_damping", "quadratic_drag") for e in effects):
-        effects = (*effects, Effect(name=AIR, kind="quadratic_damping", parameters={"rate": 0.0}))
-    return world.model_copy(update={"effects": effects})
+    """Return a world of rigid bodies with quadratic damping at rate 0, where it has no law of that kind."""
+    kinds = {e.kind for e in world.effects}
+    if world.coupled or not world.objects or kinds & {"quadratic_damping", "quadratic_drag"} or world.joints:
+        return world
+    added = Effect(name=RESISTANCE, kind="quadratic_damping", parameters={"rate": 0.0})
+    return world.model_copy(update={"effects": (*world.effects, added)})
 
 
-def constants(study: Study, settings: PriorSettings) -> list[Unknown]:
-    """Declare friction and restitution by material, the surface's friction, dampings shared by all, unstated masses.
+def constants(
+    study: Study,
+    settings: PriorSettings,
+    *,
+    rolling: Rolling = "slides",
+    time_base: bool = False,
+    materials: Sequence[str] | None = None,
+) -> list[Unknown]:
+    """Declare what runs share: coefficients by material, the surface's, dampings, masses that were not given,
+    coefficients of effects, joints, pulleys, emitters and deformable materials.
 
-    Friction is that against the surface, which a contact has as the geometric mean of both coefficients: the object's
-    own is its square over the surface's, and a pair of bodies has the product over the surface's.
+    rolling: how what can roll moves. time_base: also seconds_per_frame. materials: fields of deformable materials,
+    default those that their registry names.
     """
-    groups: dict[str, list[str]] = {}
-    damped: list[str] = []
-    for run in study.runs:
-        for item in run.world.objects:
-            groups.setdefault(group(item), []).append(item.name)
-            damped.append(item.name)
-    surface = _surface(study)
-    found: list[Unknown] = []
-    for name, objects in groups.items():
-        own = tuple(dict.fromkeys(f"objects.{n}.friction" for n in objects))
-        known = [v for word, v in settings.friction_of.items() if word in name.lower()]
-        mean, sd = (float(np.log(known[0][0])), known[0][1]) if known else settings.ln_friction
-        start = float(np.exp(mean))
-        paths, powers = own, (2.0,) * len(own) if surface else ()
+    rows = _Rows(study, settings, rolling)
+    found = [*rows.frictions(), *rows.restitutions(), *rows.rolling_resistances(), *rows.dampings(), *rows.masses()]
+    worlds = [run.world for run in study.runs]
+    paths: dict[str, World] = {}
+    for world in worlds:
+        paths |= dict.fromkeys(_other_paths(world, materials), world)
+    taken = {path for u in found for path in u.paths}
+    found += [flat(world, (path,)) for path, world in paths.items() if path not in taken]
+    if time_base:
+        value = worlds[0].time.seconds_per_frame
+        spec = specification(worlds[0], "time.seconds_per_frame")
+        lower, upper = max(spec.lower, value / RATIO), min(spec.upper, value * RATIO)
         found.append(
-            Unknown(f"friction of {name}", paths, "1", start, 5e-3, 2.0, sd, prior=(mean, sd), scale="log", powers=powers)
+            Unknown("seconds_per_frame", ("time.seconds_per_frame",), "s", value, lower, upper, 0.3, scale="log")
         )
-    if surface:
-        mean, sd = settings.ln_surface
-        every = tuple(dict.fromkeys(f"objects.{n}.friction" for n in damped))
-        paths, powers = (*surface, *every), (1.0,) * len(surface) + (-1.0,) * len(every)
+    return found
+
+
+def _other_paths(world: World, materials: Sequence[str] | None) -> list[str]:
+    """Paths of numbers that have no ordinary value: of effects, joints, pulleys, emitters, deformable materials."""
+    found = [f"effects.{e.name}.{key}" for e in world.effects if e.enabled and e.name != RESISTANCE
+             for key in law_of(e).parameters]  # fmt: skip
+    for item in world.deformables:
+        entry = material_of(item)
+        beside = entry.form == "liquid" and item.name != world.of_form("liquid")[0].name  # densities enter as ratios
+        fitted = (*entry.fitted, "density") if beside else entry.fitted
+        found += [
+            f"objects.{item.name}.{f}" for f in (fitted if materials is None else materials) if f in entry.parameters
+        ]
+    if materials is None:
+        for pulley in world.pulleys:  # a wheel that cannot turn rubs on the rope; one that can has a bearing
+            found.append(f"pulleys.{pulley.name}.{'friction' if pulley.fixed_wheel else 'bearing_friction'}")
+        found += [f"emitters.{e.name}.rate" for e in world.emitters]
+    known = parameter_paths(world)
+    joints = [
+        f"joints.{j.name}.{f}" for j in world.joints if j.kind in ("hinge", "slider") for f in ("friction", "damping")
+    ]
+    return [path for path in (*found, *joints) if path in known]
+
+
+def flat(world: World, paths: tuple[str, ...], name: str | None = None) -> Unknown:
+    """Return an unknown over its usual range, in logarithms where that spans more than a decade above zero."""
+    spec, value = specification(world, paths[0]), read_parameter(world, paths[0])
+    lower, upper = _range(world, paths[0], spec, value)
+    name = name or paths[0].removeprefix("objects.").removeprefix("effects.")
+    if lower > 0.0 and upper / lower > 10.0:
+        start = float(np.sqrt(lower * upper)) if value is None or value <= 0.0 else value
+        return Unknown(name, paths, spec.unit, start, lower, upper, 0.25 * float(np.log(upper / lower)), scale="log")
+    sd = 0.25 * (upper - lower)
+    start = float(np.clip(0.5 * (lower + upper) if value is None else value, lower, upper))
+    return Unknown(name, paths, spec.unit, start, lower, upper, sd)
+
+
+def _range(world: World, path: str, spec: ParameterSpec, value: float | None) -> tuple[float, float]:
+    lower, upper = spec.search
+    if path.startswith("joints."):  # what stops a body within a second
+        joint = next(j for j in world.joints if j.name == path.split(".")[1])
+        item = world.object(joint.object)
+        mass = read_parameter(world, f"objects.{item.name}.mass") or 1.0
+        arm = float(np.linalg.norm(np.subtract(joint.anchor, item.position))) if joint.kind == "hinge" else 1.0
+        weight = mass * float(np.linalg.norm(world.environment.gravity))
+        lower, upper = 0.0, 0.3 * (weight * arm if path.endswith("friction") else 10.0 * mass * arm**2)
+        upper = max(upper, 1e-9)
+    if value is not None and value > 0.0 and not lower <= value <= upper:
+        factor = DECADES if lower > 0.0 and upper / lower > 10.0 else 2.0
+        lower, upper = min(lower, value / factor), max(upper, value * factor)
+    return max(spec.lower, lower), min(spec.upper, upper)
+
+
+class _Rows:
+    """Unknowns of the rigid bodies of a study."""
+
+    def __init__(self, study: Study, settings: PriorSettings, rolling: Rolling) -> None:
+        self.study, self.settings, self.rolling = study, settings, rolling
+        self.planar = study.runs[0].world.planar
+        self.bodies = [o for run in study.runs for o in run.world.objects]
+        self.groups: dict[str, list[RigidObject]] = {}
+        for item in self.bodies:
+            self.groups.setdefault(group(item), []).append(item)
+
+    def frictions(self) -> list[Unknown]:
+        """Friction against the surface by group, and the surface's own, on which that of pairs of bodies hangs.
+
+        A contact has the geometric mean of both coefficients: an object's own is the square of what it has against the
+        surface over the surface's, and a pair of bodies has the product of theirs over the surface's. Balls that roll
+        in a planar world slow down by rolling resistance, which is a friction of its own.
+        """
+        surface = self._surface()
+        found = []
+        for name, own in self.groups.items():
+            apart = [o for o in own if isinstance(o.shape, Sphere)] if self.planar and self.rolling == "rolls" else []
+            rest = [o for o in own if o not in apart]
+            if rest:
+                found.append(self._friction(f"friction of {name}", rest, self._prior_of(name), surface))
+            if apart:
+                found.append(self._friction(f"rolling friction of {name}", apart, self.settings.ln_rolling, surface))
+        if surface and self.bodies:
+            mean, sd = self.settings.ln_surface
+            every = _paths(self.bodies, "friction")
+            powers = (1.0,) * len(surface) + (-1.0,) * len(every)
+            found.append(_log("friction of the surface", (*surface, *every), mean, sd, (5e-3, 7.0), powers))
+        return found
+
+    def _friction(self, name: str, own: Sequence[RigidObject], prior: Gaussian, surface: tuple[str, ...]) -> Unknown:
+        paths = _paths(own, "friction")
+        return _log(name, paths, *prior, (5e-4, 2.0), (2.0,) * len(paths) if surface else ())
+
+    def _prior_of(self, name: str) -> Gaussian:
+        known = [v for word, v in self.settings.friction_of.items() if word in name.lower()]
+        return (float(np.log(known[0][0])), known[0][1]) if known else self.settings.ln_friction
+
+    def _surface(self) -> tuple[str, ...]:
+        """Paths of the friction of what bodies move on, where none was given and bodies may meet."""
+        worlds = [run.world for run in self.study.runs]
+        if max(len(w.objects) for w in worlds) < 2 or any(w.coupled for w in worlds):
+            return ()
+        if self.planar:
+            return (PLANE,) if worlds[0].environment.motion_plane.supports else ()
+        statics = {s.name: s for w in worlds for s in w.statics}
+        if any(s.friction is not None for s in statics.values()):
+            return ()
+        return tuple(f"statics.{name}.friction" for name in statics)
+
+    def restitutions(self) -> list[Unknown]:
+        """Restitution by group."""
+        mean, sd = self.settings.restitution
+        return [
+            Unknown(f"restitution of {name}", _paths(own, "restitution"), "1", mean, 0.0, 1.0, sd, prior=(mean, sd))
+            for name, own in self.groups.items()
+        ]
+
+    def rolling_resistances(self) -> list[Unknown]:
+        """Lever arm over radius of what rolls, by group; in spatial worlds. Of what skids it is given."""
+        if self.planar or self.rolling == "skids":
+            return []
+        found = []
+        for name, own in self.groups.items():
+            rollers = [o for o in own if can_roll(o)]
+            if not rollers:
+                continue
+            radius = float(np.median([getattr(o.shape, "radius", 1.0) for o in rollers]))
+            mean, sd = self.settings.ln_rolling
+            low = (1e-4 * radius, 0.3 * radius)
+            paths = _paths(rollers, "rolling_resistance")
+            found.append(_log(f"rolling resistance of {name}", paths, mean + float(np.log(radius)), sd, low, (), "m"))
+        return found
+
+    def dampings(self) -> list[Unknown]:
+        """Linear and quadratic damping that all bodies share."""
+        free = [o for run in self.study.runs for o in run.world.objects if not run.world.joints]
+        if not free:
+            return []
+        found = []
+        sd = self.settings.linear_damping
         found.append(
-            Unknown("friction of the surface", paths, "1", float(np.exp(mean)), 5e-3, 7.0, sd, prior=(mean, sd),
-                    scale="log", powers=powers)  # fmt: skip
+            Unknown(
+                "linear_damping", _paths(free, "linear_damping"), "1/s", sd / 3.0, 0.0, 20.0 * sd, sd, prior=(0.0, sd)
+            )
         )
-    for name, objects in groups.items():
-        paths = tuple(dict.fromkeys(f"objects.{n}.restitution" for n in objects))
-        mean, sd = settings.restitution
-        found.append(Unknown(f"restitution of {name}", paths, "1", mean, 0.0, 1.0, sd, prior=(mean, sd)))
-    every = tuple(dict.fromkeys(f"objects.{n}.linear_damping" for n in damped))
-    sd = settings.linear_damping
-    found.append(Unknown("linear_damping", every, "1/s", sd / 3.0, 0.0, 20.0 * sd, sd, prior=(0.0, sd)))
-    sd = settings.quadratic_damping
-    found.append(Unknown("quadratic_damping", (f"effects.{AIR}.rate",), "1/m", sd / 2.0, 0.0, 10.0 * sd, sd, prior=(0.0, sd)))
-    return found
+        sd = self.settings.quadratic_damping
+        if any(e.name == RESISTANCE for run in self.study.runs for e in run.world.effects):
+            path = f"effects.{RESISTANCE}.rate"
+            found.append(Unknown("quadratic_damping", (path,), "1/m", sd / 2.0, 0.0, 10.0 * sd, sd, prior=(0.0, sd)))
+        return found
+
+    def masses(self) -> list[Unknown]:
+        """Masses that were not given, by group and shape; the first of those that may meet is their unit."""
+        found: dict[str, list[RigidObject]] = {}
+        for item in self.bodies:
+            if item.mass is None:
+                found.setdefault(f"{group(item)} {item.shape.model_dump_json()}", []).append(item)
+        if all(o.mass is None for o in self.bodies) and found:
+            found.pop(next(iter(found)))
+        rows = []
+        for own in found.values():
+            world = next(run.world for run in self.study.runs if own[0] in run.world.objects)
+            mass = read_parameter(world, f"objects.{own[0].name}.mass") or 1.0
+            bounds = (mass / 30.0, mass * 30.0)
+            name = f"mass of {', '.join(dict.fromkeys(o.name for o in own))}"
+            rows.append(_log(name, _paths(own, "mass"), float(np.log(mass)), self.settings.ln_mass, bounds, (), "kg"))
+        return rows
 
 
-def _surface(study: Study) -> tuple[str, ...]:
-    """Paths of the friction of what bodies move on: the motion plane, or fixed things."""
-    first = study.runs[0].world
-    if first.planar:
-        return (PLANE,) if first.environment.motion_plane.supports else ()
-    return tuple(dict.fromkeys(f"statics.{s.name}.friction" for run in study.runs for s in run.world.statics))
+def _paths(items: Sequence[RigidObject], field: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(f"objects.{o.name}.{field}" for o in items))
 
 
-def states(stretch: Stretch, settings: PriorSettings) -> list[Unknown]:
-    """Declare the initial states of a stretch: places of all tracked bodies, velocities of those that move."""
-    world, tracks = stretch.world, stretch.tracks
-    frame, gravity = world.time.seconds_per_frame, world.environment.gravity
-    seen = initial_states(tracks, seconds_per_frame=frame, gravity=gravity)
-    found: list[Unknown] = []
-    for item in world.objects:
-        state = seen.get(item.name)
-        if state is None and stretch.link is None and stretch.begin == 0.0:
-            continue  # never observed: as the world has it
-        found += _of_body(world, item, state, tracks.symmetry[tracks.index(item.name)] if item.name in tracks.names else 0)
-    return found
+def _log(
+    name: str,
+    paths: tuple[str, ...],
+    mean: float,
+    sd: float,
+    bounds: tuple[float, float],
+    powers: tuple[float, ...],
+    unit: str = "1",
+) -> Unknown:
+    start = float(np.clip(np.exp(mean), *bounds))
+    return Unknown(name, paths, unit, start, *bounds, sd, prior=(mean, sd), scale="log", powers=powers)
 
 
-def _of_body(world: World, item: RigidObject, state: InitialState | None, symmetry: int) -> list[Unknown]:
-    normal = geometry.plane_axes(world.environment.motion_plane)[2]
-    axes = "".join(a for i, a in enumerate("xyz") if not (world.planar and abs(normal[i]) > 1.0 - 1e-9))
-    moves = state is None or state.moves
-    fields = [("position", axes, 0.01)] + ([("velocity", axes, 0.1)] if moves else [])
-    if state is not None and state.orientation is not None and symmetry != 0:
-        about = "xyz"[int(np.argmax(np.abs(normal)))] if world.planar else "xyz"
-        fields += [("rotation", about, 0.05)] + ([("angular_velocity", about, 0.5)] if moves else [])
-    found = []
-    for field, components, typical in fields:
-        for k in components:
-            path = f"objects.{item.name}.{field}.{k}"
-            spec = specification(world, path)
-            start = 0.0 if field == "rotation" else float(getattr(item, field)["xyz".index(k)])
-            found.append(Unknown(path.removeprefix("objects."), (path,), spec.unit, start, spec.lower, spec.upper, typical))
-    return found
-
-
-def bounds_in_coordinates(unknowns: Sequence[Unknown]) -> tuple[np.ndarray, np.ndarray]:
+def bounds_in_coordinates(unknowns: Sequence[Unknown]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return lower and upper bounds (S,) in the coordinates in which unknowns are varied."""
-    low = np.array([np.log(u.lower) if u.scale == "log" else u.lower for u in unknowns])
-    high = np.array([np.log(u.upper) if u.scale == "log" else u.upper for u in unknowns])
+    low = np.array([np.log(u.lower) if u.scale == "log" else u.lower for u in unknowns], dtype=float)
+    high = np.array([np.log(u.upper) if u.scale == "log" else u.upper for u in unknowns], dtype=float)
     return low, high

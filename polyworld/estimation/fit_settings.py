@@ -35,9 +35,33 @@ class PriorSettings:
     quadratic_damping: float = 0.1  # [1/m] half-normal: a ball of 4 cm in air has 0.15
     angular_damping: float = 0.15  # [1/s] half-normal
     ln_mass: float = 0.6  # wood against plastic against a hollow body; of masses that were not given
-    rolling: float = 0.03  # of the radius, half-normal: between steel on steel (0.001) and a soft ball on carpet (0.05)
+    ln_rolling: Gaussian = (
+        -4.2,
+        0.8,
+    )  # 0.015 of the radius: from steel on steel (0.002) to a soft ball on carpet (0.07)
     surface_speed: float = 0.5  # [m/s] at the surface by a spin that was not observed, as a hand gives
     slip: float = 0.35  # of the rolling spin, by which that of a supported ball may depart from rolling
+
+
+@dataclass(frozen=True)
+class SupportSettings:
+    """When a surface supports a body.
+
+    upward: cosine between its normal and the vertical below which nothing rests on it: friction of 1.7 and more would
+    be needed. close: share of a body's half height by which its mean height may be off that of rest beyond its noise,
+    since sizes and cameras are known no better. sigmas: standard errors within which heights and their trend are those
+    of a body on the surface. flat: cosine within which a body's axis lies along or across the normal, 26 degrees, more
+    than tracks err and less than half way to an edge. steady: samples looked at, as many as show a trend and no more
+    than a free stretch usually has. tight: standard deviation of what a support forbids, of the height of the centre
+    and in rad: less than shows in any track, and no less than descent can follow.
+    """
+
+    upward: float = 0.5
+    close: float = 0.15
+    sigmas: float = 4.0
+    flat: float = 0.9
+    steady: int = 12
+    tight: float = 0.01
 
 
 @dataclass(frozen=True)

@@ -42,24 +42,29 @@ class Linearised:
 
 @dataclass
 class Normal:
-    """Normal equations: of the shared coordinates (S, S), (S,), and by run of its states (n, n), (n,), and both."""
+    """Normal equations: of the shared coordinates (S, S), (S,), and by run of its states (n, n), (n,), and both.
+
+    slopes: residuals and derivatives of every block, run by run, from which they were assembled.
+    """
 
     shared: Array
     gradient: Array
     own: list[Array]
     own_gradient: list[Array]
     border: list[Array]
+    slopes: list[Linearised]
 
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where a descent ended. cost: robust chi-square with priors; misfit: without priors and links; count: of residuals."""
+    """Where a descent ended. cost: robust chi-square with priors; misfit: without those of the constants."""
 
     point: Point
     cost: float
     normal: Normal
     iterations: int
     converged: bool
+    misfit: float
 
 
 class Problem:
@@ -85,7 +90,9 @@ class Problem:
     def costs(self, points: Sequence[Point], most: float) -> Array:
         """Return the robust chi-square (K,) of points, priors and links included."""
         shared = np.stack([p.shared for p in points])
-        states = [[np.stack([p.states[r][b] for p in points]) for b in range(len(run))] for r, run in enumerate(self.runs)]
+        states = [
+            [np.stack([p.states[r][b] for p in points]) for b in range(len(run))] for r, run in enumerate(self.runs)
+        ]
         total: Array = self.prior_costs(shared) + self.run_costs(shared, states, most).sum(axis=1)
         return total
 
@@ -117,11 +124,11 @@ class Problem:
     def normal(self, at: Point, most: float) -> Normal:
         """Linearise at a point."""
         s = len(self.shared)
-        found = Normal(np.zeros((s, s)), np.zeros(s), [], [], [])
+        found = Normal(np.zeros((s, s)), np.zeros(s), [], [], [], self.linearised(at, most))
         inside = np.isfinite(self.prior_sd)
         found.shared[inside, inside] += self.prior_sd[inside] ** -2.0
         found.gradient[inside] += ((at.shared - self.prior_mean) / self.prior_sd**2)[inside]
-        slopes = iter(self._linearised(at, most))
+        slopes = iter(found.slopes)
         for r, run in enumerate(self.runs):
             sizes = np.cumsum([0, *(b.states.count for b in run)])
             own, border = np.zeros((sizes[-1], sizes[-1])), np.zeros((sizes[-1], s))
@@ -145,13 +152,15 @@ class Problem:
                     border[place] += yw.T @ a
                 prior = block.states.prior
                 own[where, where] += prior[:, 1] ** -2.0
-                gradient[where] += np.where(np.isfinite(prior[:, 1]), (at.states[r][b] - prior[:, 0]) * prior[:, 1] ** -2.0, 0.0)
+                gradient[where] += np.where(
+                    np.isfinite(prior[:, 1]), (at.states[r][b] - prior[:, 0]) * prior[:, 1] ** -2.0, 0.0
+                )
             found.own.append(own)
             found.own_gradient.append(gradient)
             found.border.append(border)
         return found
 
-    def _linearised(self, at: Point, most: float) -> list[Linearised]:
+    def linearised(self, at: Point, most: float) -> list[Linearised]:
         """Return residuals and slopes of every block, by central differences in one batch."""
         settings, widths = [], []
         s = len(at.shared)
@@ -192,10 +201,15 @@ class Problem:
             shared = shared - border.T @ both[:, 1:]
             gradient = gradient - border.T @ both[:, 0]
             solved.append((both[:, 0], both[:, 1:]))
-        free = ~(((at.shared <= self.lower) & (normal.gradient > 0.0)) | ((at.shared >= self.upper) & (normal.gradient < 0.0)))
+        free = ~(
+            ((at.shared <= self.lower) & (normal.gradient > 0.0))
+            | ((at.shared >= self.upper) & (normal.gradient < 0.0))
+        )
         change = np.zeros(s)
         if free.any():
-            change[free] = -np.linalg.lstsq(shared[np.ix_(free, free)], gradient[free], rcond=1e-12)[0]
+            size = np.maximum(np.diag(shared)[free], 1e-300) ** -0.5  # units differ by orders of magnitude
+            scaled = shared[np.ix_(free, free)] * size[:, None] * size
+            change[free] = -size * np.linalg.lstsq(scaled, gradient[free] * size, rcond=1e-12)[0]
         moved = np.clip(at.shared + change, self.lower, self.upper)
         change = moved - at.shared
         states = []
@@ -206,13 +220,19 @@ class Problem:
         return Point(moved, tuple(states))
 
     def descend(
-        self, at: Point, most: float, iterations: int | None = None, watch: Callable[[float], None] | None = None
+        self,
+        at: Point,
+        most: float,
+        watch: Callable[[float], None] | None = None,
+        cancelled: Callable[[], bool] | None = None,
     ) -> Minimum:
-        """Minimise from a point over a share of every stretch's time."""
+        """Minimise from a point over a share of every block's time."""
         cost = float(self.costs([at], most)[0])
         damping, still, number = 1e-2, 0, 0
         normal = self.normal(at, most)
-        for number in range(1, (iterations or self.settings.iterations) + 1):
+        for number in range(1, self.settings.iterations + 1):
+            if cancelled is not None and cancelled():
+                break
             trials = [self.step(normal, at, damping * f) for f in self.settings.dampings]
             costs = self.costs(trials, most)
             best = int(np.argmin(costs))
@@ -228,15 +248,76 @@ class Problem:
             still = still + 1 if gain < self.settings.rest else 0
             if still >= 2:
                 break
-        return Minimum(at, cost, normal, number, still >= 2)
+        return Minimum(at, cost, normal, number, still >= 2, cost - float(self.prior_costs(at.shared[None])[0]))
 
-    def fit(self, at: Point | None = None, watch: Callable[[float], None] | None = None) -> Minimum:
-        """Fit over growing shares of the time, from where unknowns start or from a point."""
+    def fit(
+        self,
+        at: Point | None = None,
+        watch: Callable[[float, float], None] | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> Minimum:
+        """Fit over growing shares of the time, from where unknowns start or from a point.
+
+        watch: called with the share of the work done and the cost. cancelled: asked before each iteration.
+        """
+        stages = self._stages()
         at = at or self.start()
-        found = self.descend(at, float(self.settings.opening), watch=watch)
-        for share in self.settings.stages:
-            found = self.descend(found.point, share, watch=watch)
+        for number, share in enumerate(stages):
+            steps = 0
+
+            def watched(cost: float, number: int = number) -> None:
+                nonlocal steps
+                steps += 1
+                if watch is not None:
+                    watch((number + 1.0 - 0.8**steps) / len(stages), cost)
+
+            found = self.descend(at, share, watched, cancelled)
+            at = found.point
         return found
+
+    def _stages(self) -> list[float]:
+        """Return shares of the time fitted in turn, each with half as many samples again as the one before."""
+        blocks = [b for run in self.runs for b in run]
+        found, before = [], 0
+        for share in (float(self.settings.opening), *self.settings.stages):
+            samples = max((b.samples(share) for b in blocks), default=0)
+            if share == 1.0 or samples > 1.5 * before:
+                found.append(share)
+                before = samples
+        last = max((len(b.times) for b in blocks), default=0)
+        return [s for s in found if s == 1.0 or max(b.samples(s) for b in blocks) < last / 1.25]
+
+    def at(self, point: Point) -> Minimum:
+        """Return a point as a minimum that something else found."""
+        cost = float(self.costs([point], 1.0)[0])
+        return Minimum(
+            point, cost, self.normal(point, 1.0), 0, True, cost - float(self.prior_costs(point.shared[None])[0])
+        )
+
+    def occam(self, found: Minimum) -> float:
+        """Return the logarithm of how much the data narrow the priors of the shared unknowns: ln det(S H).
+
+        H (S, S): information with initial states eliminated; S: of the priors.
+        """
+        information = found.normal.shared.copy()
+        for own, border in zip(found.normal.own, found.normal.border, strict=True):
+            if len(own):
+                information -= border.T @ np.linalg.pinv(own + 1e-9 * np.eye(len(own)), hermitian=True) @ border
+        known = np.isfinite(self.prior_sd)
+        scaled = information[np.ix_(known, known)] * np.outer(self.prior_sd[known], self.prior_sd[known])
+        return float(np.linalg.slogdet(scaled + 1e-12 * np.eye(len(scaled)))[1])
+
+    def slacks(self, point: Point, r: int) -> tuple[float, ...]:
+        """Return by link of a run the root mean square departure from it, in its standard deviations."""
+        run, found = self.runs[r], []
+        states = point.states[r]
+        for b, one in enumerate(
+            self.evaluate([(k, point.shared[None], y[None]) for k, y in zip(run, states, strict=True)], 1.0)
+        ):
+            if one.end is not None:
+                start, _ = link_start(run[b + 1], run[b], states[b + 1][None])
+                found.append(float(np.sqrt(np.mean((one.end - start) ** 2))))
+        return tuple(found)
 
 
 def _huber(residuals: Array, threshold: float) -> Array:

@@ -14,7 +14,8 @@ from polyworld.solver.rollout import ScheduledSimulator, Simulator, scheduled_si
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
 from polyworld.world.materials import PLANAR, material_of
-from polyworld.world.parameters import read_parameter
+from polyworld.world.parameter_tables import ParameterSpec
+from polyworld.world.parameters import parameter_paths, read_parameter
 
 Array = NDArray[np.float64]
 
@@ -36,12 +37,13 @@ class Seat:
 
 @dataclass(frozen=True)
 class Job:
-    """Settings (k) of one block: parameters by path (k,), and how many samples to reach."""
+    """Settings (k) of one block: parameters by path (k,), how many samples to reach, and the observer's parameters."""
 
     seat: Seat
     overrides: Mapping[str, Array]
     count: int
     samples: int
+    observed: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass
@@ -105,11 +107,24 @@ class Machines:
 
     def __init__(self) -> None:
         self._known: dict[str, Machine] = {}
+        self._structures: dict[int, tuple[World, str]] = {}
+        self._paths: dict[int, tuple[World, dict[str, ParameterSpec]]] = {}
+
+    def paths(self, world: World) -> dict[str, ParameterSpec]:
+        """Return every parameter path of a world with its specification."""
+        if id(world) not in self._paths:
+            self._paths[id(world)] = (world, parameter_paths(world))
+        return self._paths[id(world)][1]
+
+    def _structure_of(self, world: World) -> str:
+        if id(world) not in self._structures:
+            self._structures[id(world)] = (world, _structure(world))
+        return self._structures[id(world)][1]
 
     def seat(self, world: World, times: Array) -> Seat:
         """Return a seat for a block with its world and instants (T,) [s]."""
         alone = world.coupled or any(o.start_time > 0.0 for o in world.objects)
-        key = _structure(world) + (times.tobytes().hex() if alone else "")
+        key = self._structure_of(world) + (times.tobytes().hex() if alone else "")
         machine = self._known.setdefault(key, Machine(world, alone))
         if machine.world is not world and machine._scheduled is not None:
             machine._scheduled = None  # one more list of instants

@@ -39,7 +39,9 @@ class Posterior:
     effective: float
 
 
-def sample(problem: Problem, found: Minimum, count: int, seed: int, settings: SamplingSettings | None = None) -> Posterior:
+def sample(
+    problem: Problem, found: Minimum, count: int, seed: int, settings: SamplingSettings | None = None
+) -> Posterior:
     """Draw settings from the posterior about a minimum."""
     settings = settings or SamplingSettings()
     rng = np.random.default_rng([seed, 0x5A])

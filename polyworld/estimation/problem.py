@@ -18,7 +18,6 @@ from polyworld.estimation.stretches import Link
 from polyworld.estimation.unknown import Unknown
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
-from polyworld.world.parameters import parameter_paths
 
 Array = NDArray[np.float64]
 
@@ -27,6 +26,8 @@ LOST = 1e3  # standard deviations that a residual counts whose rollout diverges
 
 class Readout(Protocol):
     """What was measured in a block, in the order of time."""
+
+    size: int
 
     def residuals(self, batch: BatchTrajectory, samples: int) -> Array:
         """Return standardised residuals (k, m) of all that was measured within the first `samples` instants."""
@@ -46,7 +47,8 @@ class Block:
     """A run, or a stretch of one.
 
     times (T,) [s]: instants at which it was measured, since its start. observed_by: path -> parameters (k,) of worlds
-    that follow from others, such as a clock's; None where nothing does.
+    that follow from others, such as a clock's; None where nothing does. observer: (motion, parameters `observer.*`
+    (k,)) -> the motion as it is observed; None where it is as it was.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Block:
     states: StateMap
     link: Link | None = None
     derive: Callable[[dict[str, Array]], Mapping[str, Array]] | None = None
+    observer: Callable[[BatchTrajectory, Mapping[str, Array]], BatchTrajectory] | None = None
     seat: Seat = field(init=False, repr=False)
     _terms: dict[str, list[tuple[int, float, bool]]] = field(init=False, repr=False)
 
@@ -63,7 +66,7 @@ class Block:
         """Take a seat, and find which shared unknowns count in this block's world."""
         end = [self.link.time] if self.link else []
         self.seat = machines.seat(self.world, np.concatenate([self.times, end]))
-        known = parameter_paths(self.world)
+        known = machines.paths(self.world)
         self._terms = {}
         for i, u in enumerate(shared):
             powers = u.powers or (1.0,) * len(u.paths)
@@ -71,6 +74,11 @@ class Block:
                 if path in known and u.run in (None, self.name):
                     self._terms.setdefault(path, []).append((i, power, u.scale == "log"))
         self._limits = {path: (known[path].lower, known[path].upper) for path in self._terms}
+
+    @property
+    def size(self) -> int:
+        """Number of measured components."""
+        return self.readout.size
 
     def samples(self, most: float) -> int:
         """Return how many samples lie within a share `most` of the block's time; above 1, that many."""
@@ -95,12 +103,16 @@ class Block:
         """Return the rollouts that an evaluation takes."""
         count = self.samples(most)
         reach = len(self.times) + (self.link is not None) if count == len(self.times) else count
-        return Job(self.seat, self.overrides(shared, states), len(shared), reach)
+        values = self.overrides(shared, states)
+        observed = {path: values.pop(path) for path in tuple(values) if path.startswith("observer.")}
+        return Job(self.seat, values, len(shared), reach, observed)
 
-    def read(self, batch: BatchTrajectory, most: float) -> Evaluated:
-        """Compare the motion of such rollouts with what was measured."""
+    def read(self, batch: BatchTrajectory, most: float, observed: Mapping[str, Array]) -> Evaluated:
+        """Compare the motion of such rollouts with what was measured. observed: parameters (k,) of the observer."""
         count = self.samples(most)
         broken = batch.stopped
+        if self.observer is not None:
+            batch = self.observer(batch, observed)
         residuals = self.readout.residuals(batch, count)
         residuals[broken | ~np.isfinite(residuals).all(axis=1)] = LOST
         if self.link is None or count < len(self.times):
@@ -115,23 +127,23 @@ class Block:
 
 def evaluate(settings: Sequence[tuple[Block, Array, Array]], most: float) -> list[Evaluated]:
     """Evaluate settings (block, shared (k, S), states (k, N)), simulated together."""
-    motions = roll([block.job(shared, states, most) for block, shared, states in settings])
-    return [block.read(batch, most) for (block, _, _), batch in zip(settings, motions, strict=True)]
+    jobs = [block.job(shared, states, most) for block, shared, states in settings]
+    return [block.read(m, most, j.observed) for (block, _, _), m, j in zip(settings, roll(jobs), jobs, strict=True)]
 
 
 def link_start(block: Block, before: Block, states: Array) -> tuple[Array, Array]:
     """Return where settings (k, N) of a stretch begin, in the units of the link before (k, q), and slopes (q, N)."""
     link = before.link
     assert link is not None
-    index = {path: j for j, path in block.states.paths.items()}
-    start = np.zeros((len(states), 6 * len(link.place)))
-    slopes = np.zeros((start.shape[1], states.shape[1]))
+    n, rows = states.shape[1], len(states)
+    probes = np.concatenate([states, states[:1] + block.states.typical * np.eye(n)])
+    found = block.states.overrides(probes, {})
+    start = np.zeros((len(probes), 6 * len(link.place)))
     for a, name in enumerate(link.place):
         item = block.world.object(name)
         for f, (kind, sd) in enumerate((("position", link.place[name]), ("velocity", link.velocity[name]))):
             for c, axis in enumerate("xyz"):
-                row, j = 6 * a + 3 * f + c, index.get(f"objects.{name}.{kind}.{axis}")
-                start[:, row] = (getattr(item, kind)[c] if j is None else states[:, j]) / sd
-                if j is not None:
-                    slopes[row, j] = 1.0 / sd
-    return start, slopes
+                path = f"objects.{name}.{kind}.{axis}"
+                start[:, 6 * a + 3 * f + c] = found.get(path, getattr(item, kind)[c]) / sd
+    slopes = (start[rows:] - start[0]) / block.states.typical[:, None]
+    return start[:rows], slopes.T

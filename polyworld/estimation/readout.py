@@ -231,6 +231,7 @@ class TracksReadout:
             replace(rotations, sigma=(sigma / np.array(lengths))[rotations.owner]),
             *shapes,
         )
+        self.size = sum(len(e.sample) * e.components for e in self.entries)
 
     def residuals(self, batch: BatchTrajectory, samples: int) -> Array:
         """Return standardised residuals (k, m) within the first `samples` instants, by kind, then time."""

@@ -37,7 +37,7 @@ class Stretch:
     """Part of a run without a collision inside that links others.
 
     run: index. begin [s]: when it begins, in the run's time. world: in which objects start as the tracks begin. tracks:
-    with frames counted from that start. link: to the next stretch; None for the last.
+    with frames counted from that start. link: to the next stretch; None for the last. carried: whether another precedes.
     """
 
     run: int
@@ -45,6 +45,7 @@ class Stretch:
     world: World
     tracks: ObservedTracks
     link: Link | None
+    carried: bool = False
 
 
 def velocity_jumps(
@@ -110,14 +111,14 @@ def collisions(
 
 
 def stretches(
-    index: int, world: World, tracks: ObservedTracks, noise: Array, settings: LinkSettings
+    index: int, world: World, tracks: ObservedTracks, noise: Array, settings: LinkSettings, *, cut: bool = True
 ) -> tuple[Stretch, ...]:
-    """Cut one run at its collisions of two or more bodies; a run without any is one stretch.
+    """Cut one run at its collisions of two or more bodies; a run without any, or not to be `cut`, is one stretch.
 
     A frame at the collision itself belongs to neither side, since it may lie before or after.
     """
     step = world.time.seconds_per_frame
-    cuts = collisions(world, tracks, noise, settings) if not world.coupled else []
+    cuts = collisions(world, tracks, noise, settings) if cut and not world.coupled else []
     found: list[Stretch] = []
     first = 0
     for row, who in [*cuts, (len(tracks.frames) + 1, ())]:
@@ -130,7 +131,7 @@ def stretches(
         own = with_initial_states(world.model_copy(update={"time": time}), part)
         if found:
             own = _carried_on(found[-1], own, part, begin * step - found[-1].begin)
-        found.append(Stretch(index, begin * step, own, part, None))
+        found.append(Stretch(index, begin * step, own, part, None, bool(found)))
         if who:
             first = row + 1
     for i, (_, who) in enumerate(cuts):

@@ -1,10 +1,11 @@
 """Fit a world's unknown numbers until its motion matches one video's tracks and shapes."""
 
+from polyworld.estimation.cem import CemSettings
+from polyworld.estimation.support import supports, with_supports
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.accuracy import Accuracy, accuracy
 from polyworld.estimation.world_fit.alternatives import alternative_minima
 from polyworld.estimation.world_fit.bounds import refit_with_wider_bounds
-from polyworld.estimation.world_fit.cem import CemSettings
 from polyworld.estimation.world_fit.default_unknowns import default_unknowns
 from polyworld.estimation.world_fit.determinable import Shown
 from polyworld.estimation.world_fit.multistart import Start, in_order, multistart, restarts
@@ -26,7 +27,6 @@ from polyworld.estimation.world_fit.settings import (
     SupportSettings,
     WideningSettings,
 )
-from polyworld.estimation.world_fit.support import supports, with_supports
 from polyworld.estimation.world_fit.support_constraints import support_constraints
 
 __all__ = [

@@ -13,10 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from polyworld.data.tracks import ObservedTracks
+from polyworld.estimation.support import Support, supports
 from polyworld.estimation.unknown import Unknown
 from polyworld.estimation.world_fit.determinable import Shown
 from polyworld.estimation.world_fit.settings import OrdinarySettings
-from polyworld.estimation.world_fit.support import Support, supports
 from polyworld.world import World
 from polyworld.world.parameters import read_parameter, specification
 from polyworld.world.representations.rigid import RigidObject

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.world_fit import cem
-from polyworld.estimation.world_fit.cem import CemSettings, CemState, Evaluate
+from polyworld.estimation import cem
+from polyworld.estimation.cem import CemSettings, CemState, Evaluate
 from polyworld.estimation.world_fit.objective import Judged
 from polyworld.estimation.world_fit.problem import FitProblem
 from polyworld.estimation.world_fit.result import FitResult, LossPoint, Method, Status

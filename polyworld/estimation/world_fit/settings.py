@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from polyworld.estimation.fit_settings import SupportSettings as SupportSettings
+
 
 @dataclass(frozen=True)
 class PrefixSettings:
@@ -94,27 +96,6 @@ class OutlyingSettings:
     """most: share of an object's frames up to which single ones are outlying; beyond it the fit is off."""
 
     most: float = 0.2
-
-
-@dataclass(frozen=True)
-class SupportSettings:
-    """When a surface supports a body.
-
-    upward: cosine between its normal and the vertical below which nothing rests on it: friction of 1.7 and more would
-    be needed. close: share of a body's half height by which its mean height may be off that of rest beyond its noise,
-    since sizes and cameras are known no better. sigmas: standard errors within which heights and their trend are those
-    of a body on the surface. flat: cosine within which a body's axis lies along or across the normal, 26 degrees, more
-    than tracks err and less than half way to an edge. steady: samples looked at, as many as show a trend and no more
-    than a free stretch usually has. tight: standard deviation of what a support forbids, of the height of the centre
-    and in rad: less than shows in any track, and no less than descent can follow.
-    """
-
-    upward: float = 0.5
-    close: float = 0.15
-    sigmas: float = 4.0
-    flat: float = 0.9
-    steady: int = 12
-    tight: float = 0.01
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.tracks import ObservedTracks
+from polyworld.estimation.support import Support, supports
 from polyworld.estimation.world_fit.settings import SupportSettings
-from polyworld.estimation.world_fit.support import Support, supports
 from polyworld.trajectory.events import REST_SPEED
 from polyworld.world import World, geometry
 from polyworld.world.parameters import read_parameter

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from polyworld.data.initial_states import InitialState, initial_states
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.world_fit.settings import SupportSettings
+from polyworld.estimation.fit_settings import SupportSettings
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Box, Capsule, Cylinder, Plane, Sphere

@@ -1,0 +1,134 @@
+"""Plain readouts of how well a trajectory follows tracks and shapes: root mean square errors in their own units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.data.tracks import ObservedTracks, without_spread
+from polyworld.estimation.readout import Entries, observed_entries, sample_times
+from polyworld.trajectory import BatchTrajectory, Trajectory
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Root mean square errors: position [m], rotation [rad], each overall and by object.
+
+    position over all observed samples (square root of the mean squared distance), NaN where none; unexplained_by_object
+    [m]: of positions without what the spread of measured places explains (`ObservedTracks.position_spread`);
+    worst_position [m] is the largest single distance; samples counts the positions compared. shape_by_readout:
+    object -> kind of readout -> root mean square error in the readout's unit; shape_score: the same over all shapes,
+    in standard deviations, NaN where there are none.
+    """
+
+    position: float
+    rotation: float
+    worst_position: float
+    samples: int
+    position_by_object: dict[str, float]
+    unexplained_by_object: dict[str, float]
+    rotation_by_object: dict[str, float]
+    shape_by_readout: dict[str, dict[str, float]]
+    shape_score: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return JSON-ready values, NaN as None."""
+        found: dict[str, Any] = {
+            "position_rmse": self.position,
+            "rotation_rmse": self.rotation,
+            "worst_position": self.worst_position,
+            "samples": self.samples,
+            "position_rmse_by_object": self.position_by_object,
+            "rotation_rmse_by_object": self.rotation_by_object,
+        }
+        if self.shape_by_readout:
+            found |= {"shape_rmse": self.shape_by_readout, "shape_rms_in_sigma": self.shape_score}
+        ready: dict[str, Any] = json_ready(found)
+        return ready
+
+
+def accuracy(world: World, tracks: ObservedTracks, trajectory: Trajectory) -> Accuracy:
+    """Compare a trajectory of `world`, sampled at the frames of `tracks`, with them.
+
+    Only observed samples count (confidence > 0, not before start_time); planar worlds are compared in their
+    plane. Raises ValueError when the trajectory's samples are not at the tracks' frames, or when the trajectory
+    ended before the last of them (a diverged rollout has no error, it has none of the later states).
+    """
+    times = sample_times(world, tracks)
+    if trajectory.times.shape != times.shape or not np.allclose(trajectory.times, times, rtol=0.0, atol=1e-9):
+        raise ValueError(
+            f"the trajectory has {len(trajectory.times)} samples, the tracks {len(times)} frames: "
+            "sample it at the tracks' frames times seconds_per_frame"
+        )
+    batch = BatchTrajectory(
+        names=trajectory.names,
+        times=trajectory.times[None],
+        positions=trajectory.positions[None],
+        orientations=trajectory.orientations[None],
+        velocities=trajectory.velocities[None],
+        angular_velocities=trajectory.angular_velocities[None],
+        active=trajectory.active,
+        diverged=np.zeros(1, dtype=bool),
+        diverged_time=np.full(1, np.nan),
+        diverged_object=np.full(1, -1, dtype=np.int64),
+        events=((),),
+        deformables={name: motion.select(None) for name, motion in trajectory.deformables.items()},
+    )
+    return errors(observed_entries(world, tracks), batch, 0, len(times))
+
+
+def errors(entries: Sequence[Entries], batch: BatchTrajectory, first: int, last: int) -> Accuracy:
+    """Measure the errors of the first world of a batch over the samples `first` to before `last`."""
+    sizes: dict[str, dict[str, list[Array]]] = {"position": {}, "rotation": {}}
+    unexplained: dict[str, list[Array]] = {}
+    standardised = []
+    for e in entries:
+        keep = (e.sample >= first) & (e.sample < last)
+        apart = e.differences(batch, last)[0][keep[: e.before(last)]]
+        size = np.linalg.norm(apart, axis=-1)
+        beyond = size if e.spread is None else np.linalg.norm(without_spread(apart, e.spread[keep]), axis=-1)
+        for owner in np.unique(e.owner[keep]):
+            own = e.owner[keep] == owner
+            sizes.setdefault(e.kind, {}).setdefault(e.names[owner], []).append(size[own])
+            if e.kind == "position":
+                unexplained.setdefault(e.names[owner], []).append(beyond[own])
+        if e.kind not in ("position", "rotation"):
+            standardised.append(e.standardised(batch, last)[0][keep[: e.before(last)]].ravel())
+    positions, rotations = sizes.pop("position"), sizes.pop("rotation")
+    distances = np.concatenate([np.zeros(0), *(part for parts in positions.values() for part in parts)])
+    shapes: dict[str, dict[str, float]] = {}
+    for kind, by_object in sizes.items():
+        for name, parts in by_object.items():
+            shapes.setdefault(name, {})[kind] = _rms(parts)
+    return Accuracy(
+        position=_rms([distances]),
+        rotation=_rms([part for parts in rotations.values() for part in parts]),
+        worst_position=float(distances.max()) if len(distances) else float("nan"),
+        samples=len(distances),
+        position_by_object={name: _rms(parts) for name, parts in positions.items()},
+        unexplained_by_object={name: _rms(parts) for name, parts in unexplained.items()},
+        rotation_by_object={name: _rms(parts) for name, parts in rotations.items()},
+        shape_by_readout=shapes,
+        shape_score=_rms(standardised),
+    )
+
+
+def _rms(parts: Sequence[Array]) -> float:
+    sizes = np.concatenate([np.zeros(0), *parts])
+    return float(np.sqrt(np.mean(sizes**2))) if len(sizes) else float("nan")
+
+
+def json_ready(value: Any) -> Any:
+    """Replace tuples by lists and numbers that are not finite by None."""
+    if isinstance(value, dict):
+        return {key: json_ready(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_ready(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,82 @@
+"""Choose among hypotheses by held-out prediction: the simplest of those that are near the best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.gap_new.fitting import Fitted
+from polyworld.gap_new.settings import GapSettings
+
+Array = NDArray[np.float64]
+
+UNCORRELATED = 0.1  # correlation below which residuals count as independent
+MOST = 0.98
+FLOOR = 0.3  # of the noise, below which no error is believed
+
+
+@dataclass(frozen=True)
+class Choice:
+    """chosen: the simplest of `near`; best: of all. share: of values that count as independent."""
+
+    chosen: Fitted
+    near: tuple[Fitted, ...]
+    best: Fitted
+    share: float
+
+
+def score(pool: Sequence[Fitted], counts: Array) -> float:
+    """Score all hypotheses of a pool alike: n_eff log(error / sigma) by fold, n_eff = n (1 - phi) / (1 + phi).
+
+    phi: lag-1 correlation of what the best one leaves. Return the share of values that count.
+    """
+    for f in pool:
+        f.scores = counts * np.log(np.maximum(f.errors, FLOOR))
+        f.total = float(f.scores.sum()) + f.price
+    best = min(pool, key=lambda f: f.total)
+    product = square = 0.0
+    for grid in best.grids:
+        grid = grid / max(float(np.sqrt(np.nanmean(grid**2))), 1e-300)  # no single run decides
+        both = grid[1:] * grid[:-1]
+        product += float(np.nansum(both))
+        square += float(np.nansum(grid[1:] ** 2 * np.isfinite(both)))
+    phi = float(np.clip(product / max(square, 1e-300), 0.0, MOST))
+    share = (1.0 - phi) / (1.0 + phi) if phi > UNCORRELATED else 1.0
+    for f in pool:
+        f.scores = share * f.scores
+        f.total = float(f.scores.sum()) + f.price
+    return share
+
+
+def choose(pool: Sequence[Fitted], settings: GapSettings, share: float, chosen: Array | None = None) -> Choice:
+    """Choose from a scored pool. chosen: folds, as resampled; default: each once.
+
+    Near the best is what is within `nats` of it, or better in a `share` of bootstraps over folds: gains that some runs
+    have and others have not, such as those of a wall, make no standard error.
+    """
+    scores = np.array([f.scores for f in pool])
+    price = np.array([f.price for f in pool])
+    every = np.arange(scores.shape[1]) if chosen is None else chosen
+    totals = scores[:, every].sum(axis=1) + price
+    best = int(totals.argmin())
+    near = totals - totals[best] <= settings.nats
+    count = scores.shape[1]
+    if chosen is None and count > 2:
+        times = np.random.default_rng(settings.seed + 1).multinomial(count, np.ones(count) / count, settings.bootstraps)
+        behind = (scores - scores[best]) @ times.T + (price - price[best])[:, None]
+        near |= (behind <= 0.0).mean(axis=1) >= settings.share
+    cost = np.array([f.simplicity for f in pool])
+    least = cost[near].min()
+    simple = [i for i in np.flatnonzero(near) if cost[i] <= least + 1e-6]
+    winner = min(simple, key=lambda i: totals[i])
+    return Choice(pool[winner], tuple(pool[i] for i in np.flatnonzero(near)), pool[best], share)
+
+
+def winners(pool: Sequence[Fitted], settings: GapSettings, share: float) -> list[Fitted]:
+    """Return the choice in each bootstrap over folds."""
+    count = len(pool[0].scores)
+    rng = np.random.default_rng(settings.seed)
+    return [choose(pool, settings, share, rng.integers(0, count, count)).chosen for _ in range(settings.bootstraps)]

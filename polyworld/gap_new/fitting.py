@@ -1,0 +1,113 @@
+"""Fit hypotheses by robust least squares, initial states eliminated by run, and score them by what was left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.estimation.least_squares import Linearised, Normal, Point, Problem
+from polyworld.gap_new.ground import DESCENT, Ground
+from polyworld.gap_new.hypothesis import Hypothesis
+
+Array = NDArray[np.float64]
+
+REST = 0.02  # fall of chi-square, in squared scales, below which an iteration gains nothing
+OPENINGS = (0.12, 0.35, 0.7, 1.0)  # shares of the time of growing fits, after the first samples
+
+
+@dataclass
+class Fitted:
+    """A fitted hypothesis.
+
+    scale: robust standard deviation of its residuals in those of the noise, at least 1. cost: robust chi-square over
+    squared scales. early: the point that a short horizon gave. Of its held-out prediction: errors (F,) by fold in
+    standard deviations of the noise; residuals by run as grids (T, C), of each fold as it was predicted; values (F, S)
+    without each fold; simplicity: cost of its effects in nats, price: that and what is surprising in its values; scores (F,), and the total, as compared with others.
+    """
+
+    hypothesis: Hypothesis
+    ground: Ground
+    problem: Problem
+    point: Point
+    early: Point
+    normal: Normal
+    scale: float
+    cost: float
+    errors: Array = field(default_factory=lambda: np.zeros(0))
+    grids: tuple[Array, ...] = ()
+    left_out: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    simplicity: float = 0.0
+    price: float = 0.0
+    scores: Array = field(default_factory=lambda: np.zeros(0))
+    total: float = np.inf
+
+    @property
+    def values(self) -> Array:
+        """Values (S,) of shared unknowns."""
+        return self.point.shared
+
+    @property
+    def slopes(self) -> list[Linearised]:
+        """Residuals and derivatives, by run."""
+        return self.normal.slopes
+
+    @property
+    def objective(self) -> float:
+        """Twice the negative log-likelihood with the scale profiled out."""
+        return self.cost + 2.0 * float(self.ground.counts.sum()) * float(np.log(self.scale))
+
+    def of_states(self) -> list[Array]:
+        """Return the initial states by run."""
+        return [own[0] for own in self.point.states]
+
+
+def fit(ground: Ground, hypothesis: Hypothesis, start: Point | None = None, growing: bool = False, iterations: int = 12,
+        scale: float = 2.0) -> Fitted:  # fmt: skip
+    """Fit a hypothesis from a point, or over growing parts of each run's time from where the data suggest.
+
+    scale: of the residuals, as far as it is known. Residuals count linearly beyond `soft` scales, so that model error,
+    which is never normal, does not let single runs or impacts decide.
+    """
+    problem = ground.problem(hypothesis)
+    point = start or problem.start()
+    early = point
+    soft = ground.settings.soft
+    if growing or start is None:
+        _soften(problem, soft, scale, iterations)
+        shares = (float(DESCENT.opening), *OPENINGS)
+        for share in shares[:-1]:
+            found = problem.descend(point, share)
+            point = found.point
+            _soften(problem, soft, scale_of(found.normal), iterations)
+            if share <= 0.12:
+                early = point
+        scale = scale_of(found.normal)
+    _soften(problem, soft, scale, iterations)
+    found = problem.descend(point, 1.0)
+    last = scale_of(found.normal)
+    if last < 0.5 * scale:  # what was model error is explained: large residuals count anew
+        _soften(problem, soft, last, iterations)
+        found = problem.descend(found.point, 1.0)
+    scale = scale_of(found.normal)
+    _soften(problem, soft, scale, iterations)
+    cost = float(problem.costs([found.point], 1.0)[0]) / scale**2
+    return Fitted(hypothesis, ground, problem, found.point, early, found.normal, scale, cost)
+
+
+def scale_of(normal: Normal) -> float:
+    """Return the robust standard deviation of residuals in those of the noise, at least 1."""
+    every = np.concatenate([one.residuals for one in normal.slopes])
+    return float(max(1.0, 1.4826 * np.median(np.abs(every))))
+
+
+def weights(residuals: Array, threshold: float) -> Array:
+    """Return Huber's weights (m,) of residuals."""
+    found: Array = np.minimum(1.0, threshold / np.maximum(np.abs(residuals), 1e-300))
+    return found
+
+
+def _soften(problem: Problem, soft: float, scale: float, iterations: int) -> None:
+    rest = REST * scale**2
+    problem.settings = replace(problem.settings, huber=soft * scale, rest=rest, iterations=iterations)

@@ -1,0 +1,235 @@
+"""Predict every fold of the data without it: parameters by one Gauss-Newton step, initial states from what is left.
+
+Where there are runs enough a fold is a run: shared unknowns without it, its own initial state refitted to it, since
+that belongs to no law. Of fewer runs a fold is a stretch of one; the run's single initial state, from which the
+stretch follows by the chain of all motion before, is then estimated from the rest of the run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.gap_new.fitting import Fitted, weights
+from polyworld.gap_new.ground import Ground
+from polyworld.gap_new.settings import GapSettings
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+TRIMMED = 5.0  # robust standard deviations of a run's residuals to which single ones are cut
+REFITS = 3  # of the initial state of a run left out
+RIDGE = 1e-9  # of the diagonal
+
+
+@dataclass(frozen=True)
+class Fold:
+    """A run, or the instants first to last (excluded) of one. whole: whether it is all of it."""
+
+    run: int
+    first: int
+    last: int
+    whole: bool
+
+
+def folds_of(ground: Ground, settings: GapSettings) -> tuple[Fold, ...]:
+    """Return the folds of a ground."""
+    runs = ground.recording.runs
+    if len(runs) >= settings.fewest_runs:
+        return tuple(Fold(r, 0, len(run.times), True) for r, run in enumerate(runs))
+    found = []
+    lengths = np.array([len(r.times) for r in runs])
+    for r, run in enumerate(runs):
+        number = max(2, round(settings.folds * len(run.times) / float(lengths.sum())))
+        edges = np.linspace(0, len(run.times), number + 1).astype(int)
+        found += [Fold(r, int(a), int(b), False) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return tuple(found)
+
+
+def predict_left_out(fitted: Fitted, folds: Sequence[Fold]) -> None:
+    """Fill in what a hypothesis predicts of every fold without it."""
+    settings = fitted.ground.settings
+    if all(f.whole for f in folds):
+        _by_runs(fitted)
+    else:
+        _by_stretches(fitted, folds)
+    fitted.simplicity = fitted.hypothesis.cost(settings)
+    fitted.price = fitted.simplicity + fitted.hypothesis.surprise(fitted.values, settings)
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """Normal equations of shared unknowns by run, states eliminated: information (R, S, S), pull (R, S) towards less
+    misfit; steps of the states where shared ones stay (R of (n,)), and their answers to shared ones (R of (n, S))."""
+
+    information: Array
+    pull: Array
+    steps: list[Array]
+    answers: list[Array]
+
+
+def reduced(fitted: Fitted) -> Reduced:
+    """Eliminate the initial states of every run."""
+    s = len(fitted.values)
+    runs = len(fitted.slopes)
+    information, pull = np.zeros((runs, s, s)), np.zeros((runs, s))
+    steps, answers = [], []
+    threshold = fitted.problem.settings.huber
+    for r, (one, states) in enumerate(zip(fitted.slopes, fitted.of_states(), strict=True)):
+        w = weights(one.residuals, threshold)
+        prior = fitted.problem.runs[r][0].states.prior
+        yw = one.states * w[:, None]
+        own = yw.T @ one.states
+        scaled = fitted.scale**2 * np.where(np.isfinite(prior[:, 1]), prior[:, 1], np.inf) ** -2.0
+        own[np.diag_indices(len(own))] += scaled + RIDGE * (np.diag(own).max(initial=0.0) + 1e-12)
+        gradient = yw.T @ one.residuals + scaled * np.where(scaled > 0.0, states - prior[:, 0], 0.0)
+        border = yw.T @ one.shared
+        both = np.linalg.solve(own, np.concatenate([gradient[:, None], border], axis=1))
+        steps.append(-both[:, 0])
+        answers.append(-both[:, 1:])
+        aw = one.shared * w[:, None]
+        information[r] = aw.T @ one.shared - border.T @ both[:, 1:]
+        pull[r] = -(aw.T @ one.residuals - border.T @ both[:, 0])
+    return Reduced(information, pull, steps, answers)
+
+
+def shared_step(fitted: Fitted, information: Array, pull: Array) -> Array:
+    """Return the step (S,) of shared unknowns that normal equations ask for, within bounds."""
+    lower, upper, at = fitted.problem.lower, fitted.problem.upper, fitted.values
+    free = np.ones(len(at), dtype=bool)
+    moved = at.copy()
+    typical = fitted.problem.typical
+    prior = (fitted.scale / (1e3 * typical)) ** 2
+    for _ in range(3):
+        if not free.any():
+            break
+        size = typical[free]
+        matrix = (information + np.diag(prior))[np.ix_(free, free)] * size[:, None] * size
+        step = size * np.linalg.lstsq(matrix, pull[free] * size, rcond=1e-11)[0]
+        moved = at.copy()
+        moved[free] += step
+        beyond = ((moved < lower) & (at <= lower)) | ((moved > upper) & (at >= upper))
+        if not beyond[free].any():
+            break
+        free &= ~beyond
+    clipped: Array = np.clip(moved, lower, upper) - at
+    return clipped
+
+
+def _by_runs(fitted: Fitted) -> None:
+    found = reduced(fitted)
+    runs = len(fitted.slopes)
+    shared = np.repeat(fitted.values[None], runs, axis=0)
+    states = []
+    total, pull = found.information.sum(axis=0), found.pull.sum(axis=0)
+    for r in range(runs):
+        step = shared_step(fitted, total - found.information[r], pull - found.pull[r])
+        shared[r] += step
+        states.append(fitted.of_states()[r] + found.steps[r] + found.answers[r] @ step)
+    errors, residuals = refit_states(fitted, shared, states)
+    fitted.errors, fitted.left_out = errors, shared
+    fitted.grids = tuple(g.grid(x) for g, x in zip(fitted.ground.readouts, residuals, strict=True))
+
+
+def refit_states(
+    fitted: Fitted, shared: Array, states: Sequence[Array], refits: int = REFITS
+) -> tuple[Array, list[Array]]:
+    """Refit the initial state of each run at shared unknowns (R, S) of its own; return its errors (R,), residuals."""
+    problem = fitted.problem
+    best = np.full(len(states), np.inf)
+    kept = [one.residuals for one in fitted.slopes]
+    states = [s.copy() for s in states]
+    for turn in range(refits + 1):
+        settings, widths = [], []
+        for run, common, own in zip(problem.runs, shared, states, strict=True):
+            n = len(own) if turn < refits else 0
+            step = 2.0 * run[0].states.typical[:n] * problem.settings.step
+            points = np.repeat(own[None], n + 1, axis=0)
+            points[1 + np.arange(n), np.arange(n)] += step
+            settings.append((run[0], np.repeat(common[None], n + 1, axis=0), points))
+            widths.append(step)
+        for r, (one, width) in enumerate(zip(problem.evaluate(settings, 1.0), widths, strict=True)):
+            residual = one.residuals[0]
+            error = run_error(residual, len(states[r]))
+            if error < best[r]:
+                best[r], kept[r] = error, residual
+            if not len(width):
+                continue
+            slopes = ((one.residuals[1:] - residual) / width[:, None]).T
+            prior = problem.runs[r][0].states.prior
+            inverse = np.where(np.isfinite(prior[:, 1]), prior[:, 1], np.inf) ** -2.0
+            w = weights(residual, fitted.ground.settings.soft * max(1.0, 1.4826 * float(np.median(np.abs(residual)))))
+            own_matrix = (slopes * w[:, None]).T @ slopes
+            diagonal = np.diag(own_matrix)
+            own_matrix = own_matrix + np.diag(inverse + 1e-6 * diagonal + 1e-9 * diagonal.max() + 1e-12)
+            pull = (slopes * w[:, None]).T @ residual + inverse * np.where(inverse > 0.0, states[r] - prior[:, 0], 0.0)
+            states[r] = states[r] - np.linalg.solve(own_matrix, pull)
+    return best, kept
+
+
+def run_error(residuals: Array, states: int) -> float:
+    """Return the root mean square of residuals, the largest trimmed, for so many fitted states."""
+    size = np.abs(residuals)
+    cut = TRIMMED * 1.4826 * float(np.median(size)) + 1e-12
+    return float(np.sqrt((np.minimum(size, cut) ** 2).sum() / max(len(size) - states, 1)))
+
+
+def _by_stretches(fitted: Fitted, folds: Sequence[Fold]) -> None:
+    """Leave stretches out of runs whose initial states are then estimated without them."""
+    problem, s = fitted.problem, len(fitted.values)
+    sizes = [len(own) for own in fitted.of_states()]
+    first = s + np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+    full = first[-1]
+    threshold = fitted.problem.settings.huber
+
+    def equations(r: int, rows: Array | slice) -> tuple[Array, Array]:
+        one = fitted.slopes[r]
+        slopes = np.zeros((len(one.residuals[rows]), full))
+        slopes[:, :s], slopes[:, first[r] : first[r + 1]] = one.shared[rows], one.states[rows]
+        w = weights(one.residuals[rows], threshold)
+        return (slopes * w[:, None]).T @ slopes, -(slopes * w[:, None]).T @ one.residuals[rows]
+
+    matrix, pull = np.zeros((full, full)), np.zeros(full)
+    for r in range(len(fitted.slopes)):
+        a, b = equations(r, slice(None))
+        matrix, pull = matrix + a, pull + b
+    typical = np.concatenate([problem.typical, *(run[0].states.typical for run in problem.runs)])
+    prior = np.diag((fitted.scale / (1e3 * typical)) ** 2)
+    lower = np.concatenate([problem.lower, np.full(full - s, -np.inf)])
+    upper = np.concatenate([problem.upper, np.full(full - s, np.inf)])
+    at = np.concatenate([fitted.values, *fitted.of_states()])
+    points = []
+    for fold in folds:
+        a, b = equations(fold.run, _inside(fitted.ground, fold))
+        step = typical * np.linalg.lstsq(
+            (matrix - a + prior) * typical[:, None] * typical, (pull - b) * typical, rcond=1e-12
+        )[0]
+        points.append(np.clip(at + step, lower, upper))
+    settings = []
+    for r, run in enumerate(problem.runs):
+        own = np.array([p for p, f in zip(points, folds, strict=True) if f.run == r])
+        settings.append((run[0], own[:, :s], own[:, first[r] : first[r + 1]]))
+    grids = [np.full(g.measured.shape, np.nan) for g in fitted.ground.readouts]
+    errors = np.zeros(len(folds))
+    for r, one in enumerate(problem.evaluate(settings, 1.0)):
+        for row, k in enumerate([k for k, f in enumerate(folds) if f.run == r]):
+            rows = _inside(fitted.ground, folds[k])
+            errors[k] = run_error(one.residuals[row][rows], 0)
+            part = fitted.ground.readouts[r].grid(one.residuals[row])
+            grids[r][folds[k].first : folds[k].last] = part[folds[k].first : folds[k].last]
+    fitted.errors, fitted.grids = errors, tuple(grids)
+    fitted.left_out = np.array(points)[:, :s]
+
+
+def _inside(ground: Ground, fold: Fold) -> NDArray[np.bool_]:
+    rows = ground.readouts[fold.run].rows()
+    inside: NDArray[np.bool_] = (rows >= fold.first) & (rows < fold.last)
+    return inside
+
+
+def fold_counts(ground: Ground, folds: Sequence[Fold]) -> Array:
+    """Return how many values (F,) each fold has."""
+    return np.array([float(_inside(ground, f).sum()) for f in folds])

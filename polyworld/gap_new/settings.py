@@ -1,0 +1,63 @@
+"""Every tuned number of the gap, with its reason; in nats of evidence, standard deviations of noise, or shares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class GapSettings:
+    """Settings of the search for the gap.
+
+    Evidence. nats: difference of held-out scores within which two hypotheses are near: e^3 = 20 to 1. share: of
+    bootstrap resamplings in which a near one may be better, one standard error of a normal score. core: of bootstrap
+    winners that must hold a law for it to be named. place_cost: nats beside one a parameter for a law with a place or a
+    frequency: the logarithm of how many distinct ones a search looks through. state_cost: nats a coordinate that each
+    run has of its own. bootstraps: resamplings, whose shares are then known to 3 per cent.
+
+    What counts. near_noise: held-out error in standard deviations of the noise up to which nothing is left: noise
+    levels from few samples are off by a third. negligible: error over the extent of the motion that no model of a real
+    scene undercuts. halved: ratio of errors that a law with a place or a clock must reach where noise is not reached.
+    closed: ratio of errors, beyond the noise, that a name must reach on data held out. matters: ratio of errors below
+    which a law that bootstraps add decides something. plausible: departures from neutral, in those that physics makes
+    ordinary, beyond which a hypothesis is impossible. gravity: relative, and level [rad]: tolerances to which gravity
+    and the horizontal are known.
+
+    Search. depth: most laws together. branches: hypotheses of one depth that are extended. starts: of a law with
+    places that are fitted. tried: hypotheses of one depth that are fitted to the end. brief, full: iterations of both.
+    probe: share of an ordinary change by which score tests displace.
+
+    Runs. fewest_runs: for which each run is one fold; folds: into which fewer runs are cut in all. outlying: times the
+    median error, and the noise, beyond which a run is set aside. most_aside: share of runs that may be. soft:
+    residuals, in robust standard deviations, that count linearly beyond. time_limit [s]: after which the search ends
+    with what it has. seed: of the bootstrap.
+    """
+
+    nats: float = 3.0
+    share: float = 0.16
+    core: float = 0.9
+    place_cost: float = 2.0
+    state_cost: float = 1.0
+    bootstraps: int = 300
+    near_noise: float = 1.5
+    negligible: float = 0.005
+    halved: float = 0.5
+    closed: float = 0.5
+    matters: float = 0.75
+    plausible: float = 3.0
+    gravity: float = 0.05
+    level: float = 0.05
+    depth: int = 3
+    branches: int = 2
+    starts: int = 2
+    tried: int = 12
+    brief: int = 4
+    full: int = 12
+    probe: float = 1e-2
+    fewest_runs: int = 4
+    folds: int = 8
+    outlying: float = 4.0
+    most_aside: float = 0.34
+    soft: float = 2.0
+    time_limit: float | None = None
+    seed: int = 0
