@@ -19,6 +19,7 @@ PARTS = {
     "drain": "drains",
     "container": "containers",
 }
+SLACK = "collision_slack"  # effect that a fit adds for a collision, at one time for all that take part
 OBJECTS = ("objects", "deformables", "statics")
 
 
@@ -46,7 +47,10 @@ def without(world: World, name: str, part: str | None = None) -> World:
 def _forget(data: dict[str, Any], name: str) -> None:
     """Take out of a world's description what refers to an object that is gone."""
     effects = []
+    met = {e["parameters"].get("time") for e in data["effects"] if e["kind"] == SLACK and name in (e["objects"] or ())}
     for effect in data["effects"]:
+        if effect["kind"] == SLACK and effect["parameters"].get("time") in met:
+            continue  # the collision that left it does not happen
         if effect["objects"] is not None:
             effect["objects"] = [o for o in effect["objects"] if o != name]
             if not effect["objects"]:

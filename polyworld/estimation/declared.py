@@ -81,7 +81,7 @@ def constants(
 
 def _other_paths(world: World, materials: Sequence[str] | None) -> list[str]:
     """Paths of numbers that have no ordinary value: of effects, joints, pulleys, emitters, deformable materials."""
-    found = [f"effects.{e.name}.{key}" for e in world.effects if e.enabled and e.name != RESISTANCE
+    found = [f"effects.{e.name}.{key}" for e in world.effects if e.enabled and e.name != RESISTANCE and e.kind != "collision_slack"
              for key in law_of(e).parameters]  # fmt: skip
     for item in world.deformables:
         entry = material_of(item)

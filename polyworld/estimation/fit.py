@@ -28,9 +28,11 @@ from polyworld.estimation.stretches import Stretch, stretches
 from polyworld.estimation.study import Study, StudyRun
 from polyworld.estimation.support import supports, with_supports
 from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.whole_run import NAME, held, with_slack
 from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
+from polyworld.world.geometry import circumscribed_radius
 from polyworld.world.parameters import parameter_paths, read_parameter, with_parameters
 from polyworld.world.shapes import Sphere
 
@@ -38,6 +40,7 @@ Array = NDArray[np.float64]
 
 Method = Literal["least_squares", "cem", "random_search"]
 Edit = Callable[[list[Unknown]], list[Unknown]]
+TINY = 1e-15  # below which a number is rounding
 WEAK = 12.0  # difference of twice the log-evidence beyond which a way of rolling has less than three in a thousand
 Watch = Callable[[float, str, float], None]
 
@@ -157,7 +160,10 @@ class _Fit:
     ) -> None:
         self.options, self.settings, self._watch, self._cancelled = options, settings, watch, cancelled
         self.study = Study(tuple(replace(r, world=with_resistance(r.world)) for r in study.runs))
-        self.sigma = [track_sigma(r.tracks) for r in study.runs]
+        self.noise = [track_sigma(r.tracks) for r in study.runs]
+        self.sigma = [
+            _tolerant(r, own, self.settings.model.tolerance) for r, own in zip(study.runs, self.noise, strict=True)
+        ]
         self.share, self.step, self.rollouts = (0.0, 1.0), "", 0
 
     # -- steps ---------------------------------------------------------------------------------------------------
@@ -241,7 +247,7 @@ class _Fit:
         if not self.options.states:
             parts: Sequence[Stretch] = (Stretch(index, 0.0, run.world, run.tracks, None),)
         else:
-            parts = stretches(index, run.world, run.tracks, sigma, self.settings.links, cut=cut)
+            parts = stretches(index, run.world, run.tracks, self.noise[index], self.settings.links, cut=cut)
         blocks = []
         for part in parts:
             world = with_supports(part.world, part.tracks) if self.options.states else part.world
@@ -298,8 +304,10 @@ class _Fit:
         cut: int | None,
     ) -> FittedRun:
         block = found.problem.runs[r][0]
-        joint = _members(found, drawn, r, 0)
-        world = _written(block.world, {path: float(v[0]) for path, v in joint.items()})
+        joint, start = _members(found, drawn, r, 0), block.world
+        if block.link is not None:
+            start, joint = self._through(found, drawn, run, r, joint)
+        world = _written(start, {path: float(v[0]) for path, v in joint.items()})
         accuracy = _accuracy(world, run.tracks)
         prediction, held_out = None, None
         if early is not None and first is not None and cut is not None:
@@ -310,7 +318,31 @@ class _Fit:
             held_out = _accuracy(_written(early.problem.runs[r][0].world, before), run.tracks, cut)
         frames = (int(run.tracks.frames[0]), int(run.tracks.frames[-1]))
         slack = found.problem.slacks(found.minimum.point, r)
-        return FittedRun(run.name, world, block.world, joint, accuracy, held_out, prediction, slack, frames)
+        return FittedRun(run.name, world, start, joint, accuracy, held_out, prediction, slack, frames)
+
+    def _through(
+        self, found: _Found, drawn: list[tuple[_Found, Posterior]], run: StudyRun, r: int, joint: dict[str, Array]
+    ) -> tuple[World, dict[str, Array]]:
+        """Replace links by pulses that change velocities, so that one start leads through the whole run.
+
+        Returns the world with them, and the overrides with its minimum in place of that of the stretches. Constants
+        are held near what the stretches say.
+        """
+        at = found.minimum.point
+        slack = with_slack(run.world, found.problem.runs[r], at.shared, at.states[r], self.settings.links)
+        shared = [*held(found.problem.shared, at.shared, drawn[0][1].shared.std(axis=0)), *slack.unknowns]
+        blocks = self._blocks(r, replace(run, world=slack.world), found.rolling, cut=False)
+        problem = Problem([blocks], shared, self.settings.descent)
+        own, start = blocks[0], problem.start()
+        same = found.problem.runs[r][0].states.labels == own.states.labels
+        at = Point(start.shared, ((at.states[r][0],),) if same else start.states)
+        minimum = problem.fit(at, cancelled=self._cancelled)
+        self.rollouts += problem.rollouts
+        best = own.overrides(minimum.point.shared[None], minimum.point.states[0][0][None])
+        count = len(next(iter(joint.values())))
+        pulses = {path: np.full(count, v[0]) for path, v in best.items() if path.startswith(f"effects.{NAME}")}
+        kept = {path: np.concatenate([best.get(path, v[:1]), v[1:]]) for path, v in joint.items()}
+        return own.world, kept | pulses
 
     def _watched(self, problem: Problem) -> Callable[[float, float], None]:
         def watched(share: float, cost: float) -> None:
@@ -358,6 +390,13 @@ class _Found:
         return float(sum(b.link.time for b in self.problem.runs[r] if b.link is not None))
 
 
+def _tolerant(run: StudyRun, noise: Array, share: float) -> Array:
+    """Return standard deviations (n,) [m] of noise and model together."""
+    sizes = {o.name: circumscribed_radius(o.shape) for o in run.world.objects}
+    tolerance: Array = np.hypot(noise, share * np.array([sizes.get(n, 0.0) for n in run.tracks.names]))
+    return tolerance
+
+
 def _members(found: _Found, drawn: list[tuple[_Found, Posterior]], r: int, b: int) -> dict[str, Array]:
     """Return parameter path -> values (N,) of the minimum, then of the members, of one block."""
     at = found.minimum.point
@@ -394,7 +433,8 @@ def _cut(tracks: ObservedTracks, share: float) -> int | None:
 
 def _written(world: World, values: dict[str, float]) -> World:
     known = parameter_paths(world)
-    inside = {p: float(np.clip(v, known[p].lower, known[p].upper)) for p, v in values.items()}
+    inside = {p: float(np.clip(v, known[p].lower, known[p].upper)) for p, v in values.items() if p in known}
+    inside = {p: v if abs(v) > TINY else 0.0 for p, v in inside.items()}
     return with_parameters(world, inside)
 
 

@@ -71,7 +71,8 @@ class LinkSettings:
     gain: chi-square by which two quadratics must beat one cubic about an instant for a velocity jump: a ninth of a
     sample's worth of noise does it once in a million instants. window: samples on either side. Bodies that take part
     keep their place to `place` [m] and their velocity to a share `jump` of the largest change of velocity, what rigid
-    impact models are off by; the others to `close` [m] and `near` [m/s], hundredths of ordinary sizes and speeds.
+    impact models are off by; the others to `close` [m] and `near` [m/s], hundredths of ordinary sizes and speeds; spin
+    [rad/s] likewise. again: frames within which a second contact of a pair is part of the same collision.
     """
 
     gain: float = 40.0
@@ -80,7 +81,16 @@ class LinkSettings:
     jump: float = 0.1
     close: float = 0.003
     near: float = 0.03
-    turn: float = 0.1
+    spin: float = 0.1
+    again: int = 6
+
+
+@dataclass(frozen=True)
+class ModelSettings:
+    """tolerance: share of a body's size to which rigid bodies and simple contacts describe a path at best; added in
+    quadrature to the measured noise."""
+
+    tolerance: float = 0.002
 
 
 @dataclass(frozen=True)
@@ -104,5 +114,6 @@ class FitSettings:
     """Settings of all stages of a fit."""
 
     priors: PriorSettings = field(default_factory=PriorSettings)
+    model: ModelSettings = field(default_factory=ModelSettings)
     links: LinkSettings = field(default_factory=LinkSettings)
     descent: DescentSettings = field(default_factory=DescentSettings)

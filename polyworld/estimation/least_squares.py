@@ -294,6 +294,13 @@ class Problem:
             point, cost, self.normal(point, 1.0), 0, True, cost - float(self.prior_costs(point.shared[None])[0])
         )
 
+    def remainder(self, found: Minimum) -> float:
+        """Return the mean square of residuals in variances of the noise, at least 1: what the model leaves beyond it."""
+        blocks = [b for run in self.runs for b in run]
+        count = sum(b.size + (6 * len(b.link.place) if b.link else 0) for b in blocks)
+        free = count - len(self.shared) - sum(b.states.count for b in blocks)
+        return max(1.0, found.misfit / max(free, 0.25 * count, 1.0))
+
     def occam(self, found: Minimum) -> float:
         """Return the logarithm of how much the data narrow the priors of the shared unknowns: ln det(S H).
 

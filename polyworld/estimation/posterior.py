@@ -42,8 +42,12 @@ class Posterior:
 def sample(
     problem: Problem, found: Minimum, count: int, seed: int, settings: SamplingSettings | None = None
 ) -> Posterior:
-    """Draw settings from the posterior about a minimum."""
+    """Draw settings from the posterior about a minimum.
+
+    Where residuals exceed the measured noise the model is wrong by the rest, and says less by that factor.
+    """
     settings = settings or SamplingSettings()
+    remainder = problem.remainder(found)
     rng = np.random.default_rng([seed, 0x5A])
     normal, centre = found.normal, found.point.shared
     s = len(centre)
@@ -54,7 +58,8 @@ def sample(
         answers.append(-inverse @ border)
         information -= border.T @ inverse @ border
         values, vectors = np.linalg.eigh(inverse) if len(own) else (np.zeros(0), inverse)
-        widths.append(vectors * np.sqrt(np.maximum(values, 0.0)))
+        widths.append(vectors * np.sqrt(np.maximum(values, 0.0) * remainder))
+    information /= remainder
     flat = ((problem.upper - problem.lower) / np.sqrt(12.0)) ** -2.0  # no wider than the bounds
     covariance = np.linalg.inv(information + np.diag(flat)) if s else np.zeros((0, 0))
     mean = np.clip(centre, problem.lower, problem.upper)
@@ -69,7 +74,7 @@ def sample(
         inside = np.all((shared >= problem.lower) & (shared <= problem.upper), axis=1)
         shared = shared[inside]
         draws.append(shared)
-        targets.append(-0.5 * _profiled(problem, found.point, answers, shared))
+        targets.append(-0.5 * _profiled(problem, found.point, answers, shared, remainder))
         every, target = np.concatenate(draws), np.concatenate(targets)
         mixture = logsumexp(np.stack([np.atleast_1d(p.logpdf(every)) for p in proposals]), axis=0)
         logs = target - mixture
@@ -93,11 +98,11 @@ def sample(
     return Posterior(shared, tuple(states), float(1.0 / (weights**2).sum()) if s else float(count))
 
 
-def _profiled(problem: Problem, at: Point, answers: list[Array], shared: Array) -> Array:
+def _profiled(problem: Problem, at: Point, answers: list[Array], shared: Array, remainder: float) -> Array:
     """Return chi-square (K,) at shared coordinates (K, S) with initial states where they follow."""
     states = []
     for own, run, answer in zip(at.states, problem.runs, answers, strict=True):
         moved = np.concatenate(own) + (shared - at.shared) @ answer.T
         states.append(np.split(moved, np.cumsum([b.states.count for b in run])[:-1], axis=1))
-    total: Array = problem.prior_costs(shared) + problem.run_costs(shared, states, 1.0).sum(axis=1)
+    total: Array = problem.prior_costs(shared) + problem.run_costs(shared, states, 1.0).sum(axis=1) / remainder
     return total

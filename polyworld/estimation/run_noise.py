@@ -71,7 +71,9 @@ def _of_run(run: Run, found: dict[tuple[str, str, int], list[float]], extents: d
     for column, name in enumerate(run.names):
         extent = max(extents.get(name, 0.0), 1e-9)
         turn[column] = float(np.median(found.get((name, "turn", 0), [TURN_ERROR])))
-        size = np.sqrt(np.nanmean(np.nansum(run.angular_velocities[:, column] ** 2, axis=1)))
+        spins = run.angular_velocities[:, column]
+        spins = spins[np.isfinite(spins).any(axis=1)]
+        size = float(np.sqrt(np.mean(np.nansum(spins**2, axis=1)))) if len(spins) else 1.0
         for axis in range(3):
             own = found.get((name, "position", axis), [SUPPOSED * extent])
             position[column, axis] = run.sigma or max(float(np.median(own)), FINEST * extent)

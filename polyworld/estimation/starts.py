@@ -63,12 +63,12 @@ def initial_state(stretch: Stretch, settings: PriorSettings, rolling: Rolling, *
         if soft.name in tracks.observed_names and material_of(soft).turns and not tied:
             fields = (("shift", PLACE * 2.0), ("velocity", SPEED * 2.0))
             parts.append(
-                of_paths([_state(world, soft.name, f"{f}.{a}", 0.0, sd) for f, sd in fields for a in _axes(world)])
+                of_paths([_state(world, soft.name, f"{f}.{a}", 0.0, sd) for f, sd in fields for a in free_axes(world)])
             )
     return joined(parts)
 
 
-def _axes(world: World) -> str:
+def free_axes(world: World) -> str:
     """World axes along which objects move: an oblique motion plane needs all three to be varied."""
     normal = geometry.plane_axes(world.environment.motion_plane)[2]
     return "".join(a for i, a in enumerate("xyz") if not (world.planar and abs(normal[i]) > 1.0 - 1e-9))
@@ -87,9 +87,11 @@ def _free(
 ) -> list[Unknown]:
     normal = geometry.plane_axes(world.environment.motion_plane)[2]
     moves = state is None or state.moves
-    found = [_state(world, item.name, f"position.{a}", item.position["xyz".index(a)], PLACE) for a in _axes(world)]
+    found = [_state(world, item.name, f"position.{a}", item.position["xyz".index(a)], PLACE) for a in free_axes(world)]
     if moves:
-        found += [_state(world, item.name, f"velocity.{a}", item.velocity["xyz".index(a)], SPEED) for a in _axes(world)]
+        found += [
+            _state(world, item.name, f"velocity.{a}", item.velocity["xyz".index(a)], SPEED) for a in free_axes(world)
+        ]
     about = "xyz"[int(np.argmax(np.abs(normal)))] if world.planar else "xyz"
     turned = state is not None and state.orientation is not None and symmetry != 0
     if turned:

@@ -24,12 +24,13 @@ class Link:
     """Bond of a stretch's end to the next one's start.
 
     time [s]: of the next one's start, counted from that of this one. place [m], velocity [m/s]: standard deviations by
-    object.
+    object. who: takes part in the collision.
     """
 
     time: float
     place: dict[str, float]
     velocity: dict[str, float]
+    who: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,8 @@ def _misfit(times: Array, points: Array, degree: int) -> float:
 
 def collisions(
     world: World, tracks: ObservedTracks, noise: Array, settings: LinkSettings
-) -> list[tuple[int, tuple[str, ...]]]:
-    """Return rows of the first frames after collisions of two bodies or more, and who takes part.
+) -> list[tuple[range, tuple[str, ...]]]:
+    """Return rows of the first frames after the contacts of collisions of two bodies or more, and who takes part.
 
     By binary segmentation: at the instant at which velocities jump most, then on either side of it. Bodies that take
     part are near one another.
@@ -107,7 +108,14 @@ def collisions(
                 return [*within(range(rows.start, row)), (row, who), *within(range(row, rows.stop))]
             total[row] = 0.0
 
-    return within(range(len(tracks.frames)))
+    found: list[tuple[range, tuple[str, ...]]] = []
+    for row, who in within(range(len(tracks.frames))):
+        last = found[-1] if found else None
+        if last is not None and row - last[0].stop <= settings.again and set(who) & set(last[1]):
+            found[-1] = range(last[0].start, row + 1), tuple(dict.fromkeys((*last[1], *who)))
+        else:
+            found.append((range(row, row + 1), who))
+    return found
 
 
 def stretches(
@@ -121,8 +129,8 @@ def stretches(
     cuts = collisions(world, tracks, noise, settings) if cut and not world.coupled else []
     found: list[Stretch] = []
     first = 0
-    for row, who in [*cuts, (len(tracks.frames) + 1, ())]:
-        rows = slice(first, max(row - 1, first + 1)) if who else slice(first, len(tracks.frames))
+    for rows_met, who in [*cuts, (range(0), ())]:
+        rows = slice(first, max(rows_met.start - 1, first + 1)) if who else slice(first, len(tracks.frames))
         frames = tracks.frames[rows]
         part = tracks.window(int(frames[0]), int(frames[-1]))
         begin = 0 if first == 0 else int(frames[0])
@@ -133,7 +141,7 @@ def stretches(
             own = _carried_on(found[-1], own, part, begin * step - found[-1].begin)
         found.append(Stretch(index, begin * step, own, part, None, bool(found)))
         if who:
-            first = row + 1
+            first = min(rows_met.stop, len(tracks.frames) - 2)
     for i, (_, who) in enumerate(cuts):
         here, later = found[i], found[i + 1]
         jump = max(
@@ -143,7 +151,7 @@ def stretches(
         shared = [o.name for o in world.objects if here.world.object(o.name).start_time < later.begin - here.begin]
         place = {n: settings.place if n in who else settings.close for n in shared}
         velocity = {n: max(settings.jump * jump, settings.near) if n in who else settings.near for n in shared}
-        found[i] = replace(here, link=Link(later.begin - here.begin, place, velocity))
+        found[i] = replace(here, link=Link(later.begin - here.begin, place, velocity, who))
     return tuple(found)
 
 

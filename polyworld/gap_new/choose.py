@@ -80,3 +80,34 @@ def winners(pool: Sequence[Fitted], settings: GapSettings, share: float) -> list
     count = len(pool[0].scores)
     rng = np.random.default_rng(settings.seed)
     return [choose(pool, settings, share, rng.integers(0, count, count)).chosen for _ in range(settings.bootstraps)]
+
+
+def credible(pool: Sequence[Fitted], null: Fitted) -> list[Fitted]:
+    """Return the hypotheses whose values are possible and whose effects are no stand-ins.
+
+    What has a place or a clock bends to whatever is left: beside the hypothesis without it, it has to halve the error
+    or to reach the noise. What acts at one place must help two runs at least, else a run is unlike the others.
+    """
+    settings = null.ground.settings
+    counts = null.ground.counts
+    known = {f.hypothesis.key: f for f in pool}
+    found = []
+    for f in pool:
+        if not f.hypothesis.possible(f.values, settings):
+            continue
+        for part in f.hypothesis.parts:
+            without = f.hypothesis.key - {(part.candidate.name, part.variant.label)}
+            less = known.get(without, null)
+            if part.stands_in and typical_error(f) > max(settings.near_noise, settings.halved * typical_error(less)):
+                break
+            helped = np.sum(f.errors < 0.5 * (1.0 + settings.halved) * less.errors)
+            if part.candidate.local and len(counts) == len(f.errors) >= settings.fewest_runs and helped < 2:
+                break
+        else:
+            found.append(f)
+    return found
+
+
+def typical_error(fitted: Fitted) -> float:
+    """Return the root mean square of held-out errors over folds in standard deviations of the noise."""
+    return float(np.sqrt(np.mean(fitted.errors**2)))

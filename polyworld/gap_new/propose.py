@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.candidate import Candidate
+from polyworld.gap_new.candidate import Candidate
 from polyworld.estimation.least_squares import Point
 from polyworld.gap_new.fitting import Fitted, weights
 from polyworld.gap_new.hypothesis import Hypothesis, extended, starts_of
@@ -61,21 +61,28 @@ class Projection:
         return slopes if self.shared is None else slopes - self.shared @ (self.shared.T @ slopes)
 
 
-def proposals(parent: Fitted, candidates: Sequence[Candidate], keep: int) -> list[Start]:
-    """Return starts of every hypothesis that one of the candidates makes of a parent, at most `keep` of each."""
+def proposals(parent: Fitted, candidates: Sequence[Candidate], keep: int, share: float = 1.0) -> list[Start]:
+    """Return starts of every hypothesis that one of the candidates makes of a parent, at most `keep` of each.
+
+    share: of values that count as independent, by which predicted gains are believed.
+    """
     projection = Projection(parent)
     found = []
     for candidate in candidates:
+        own: list[Start] = []
         for hypothesis in extended(parent.hypothesis, candidate, parent.ground.recording):
             part = hypothesis.parts[-1]
+            if "gravity_error" in part.variant.same_as:
+                continue  # the same to every digit as another gravity, which stands for all of these
             if not part.shared:
-                found.append(Start(hypothesis, _point(parent, hypothesis, np.zeros(0)), np.inf))
+                own.append(Start(hypothesis, _point(parent, hypothesis, np.zeros(0)), np.inf))
             elif any(u.name == "shift_time" for u in part.shared):
-                found += _dropped(parent, hypothesis, projection, keep)
+                own += _dropped(parent, hypothesis, projection, keep, share)
             elif part.sudden:
-                found += _sudden(parent, hypothesis, keep)
+                own += _sudden(parent, hypothesis, keep)
             else:
-                found += _scored(parent, hypothesis, projection, keep)
+                own += _scored(parent, hypothesis, projection, keep, share)
+        found += sorted(own, key=lambda s: -s.gain)[: keep if candidate.local else 2 * keep]
     return found
 
 
@@ -89,7 +96,7 @@ def _point(parent: Fitted, hypothesis: Hypothesis, added: Array, early: bool = F
     return Point(np.concatenate([at.shared, added]), tuple(states))
 
 
-def _scored(parent: Fitted, hypothesis: Hypothesis, projection: Projection, keep: int) -> list[Start]:
+def _scored(parent: Fitted, hypothesis: Hypothesis, projection: Projection, keep: int, share: float) -> list[Start]:
     settings, part = parent.ground.settings, hypothesis.parts[-1]
     problem = parent.ground.problem(hypothesis)
     starts = starts_of(hypothesis)
@@ -103,21 +110,23 @@ def _scored(parent: Fitted, hypothesis: Hypothesis, projection: Projection, keep
     for j, i in enumerate(acting):
         shared[1 + j :: a + 1, first + i] += step[:, i]
     point = _point(parent, hypothesis, starts[0])
-    slopes = []
+    slopes, starting = [], []
     jobs = [(run[0], shared, np.repeat(own[0][None], len(shared), 0)) for run, own in zip(problem.runs, point.states, strict=True)]
     for r, one in enumerate(problem.evaluate(jobs, 1.0)):
         moved = one.residuals.reshape(k, a + 1, -1)
         z = (moved[:, 1:] - moved[:, :1]) / step[:, acting][:, :, None]  # (k, a, m)
         slopes.append(projection.off_states(r, z.reshape(k * a, -1).T))
+        starting.append(projection.off_states(r, moved[:, 0].T))
     every = projection.off_shared(np.concatenate(slopes)).T.reshape(k, a, -1)
+    rests = projection.off_shared(np.concatenate(starting)).T
     found = []
-    for start, z in zip(starts, every, strict=True):
+    for start, z, rest in zip(starts, every, rests, strict=True):
         size = np.linalg.norm(z, axis=1)
         if not np.all(np.isfinite(size)) or not size.max(initial=0.0) > 0.0:
             continue
         z = z / np.maximum(size, 1e-300)[:, None]
-        solved = -np.linalg.lstsq(z @ z.T, z @ projection.rest, rcond=1e-9)[0]
-        gain = float((projection.rest**2).sum() - ((projection.rest + solved @ z) ** 2).sum()) / parent.scale**2
+        solved = -np.linalg.lstsq(z @ z.T, z @ rest, rcond=1e-9)[0]
+        gain = float((projection.rest**2).sum() - ((rest + solved @ z) ** 2).sum()) / parent.scale**2
         values = start.copy()
         wished = start[acting] + solved / np.maximum(size, 1e-300)
         values[acting] = np.clip(wished, lower[acting], upper[acting])
@@ -131,7 +140,9 @@ def _scored(parent: Fitted, hypothesis: Hypothesis, projection: Projection, keep
     if part.candidate.plain and len(hypothesis.parts) <= 2:
         return kept
     asked = 2.0 * (settings.nats + hypothesis.cost(settings) - parent.hypothesis.cost(settings) - 1.0)
-    return [s for s in kept if s.gain >= asked or s.gain * parent.scale**2 >= 2.0 * ENOUGH]
+    first = len(hypothesis.parts) == 1
+    drowned = [s for s in kept if first and s.gain * parent.scale**2 >= 2.0 * ENOUGH]
+    return [s for s in kept if share * s.gain >= asked] or drowned
 
 
 def _sudden(parent: Fitted, hypothesis: Hypothesis, keep: int) -> list[Start]:
@@ -144,7 +155,7 @@ def _sudden(parent: Fitted, hypothesis: Hypothesis, keep: int) -> list[Start]:
     return [Start(hypothesis, points[i], parent.cost - float(costs[i]), growing=True) for i in order.tolist()]
 
 
-def _dropped(parent: Fitted, hypothesis: Hypothesis, projection: Projection, keep: int) -> list[Start]:
+def _dropped(parent: Fitted, hypothesis: Hypothesis, projection: Projection, keep: int, share: float) -> list[Start]:
     """Return onsets from which on frames of one run may have been dropped or repeated, all scored by one rollout.
 
     A shift displaces what is seen later by itself times the velocity, whatever the onset.
@@ -180,4 +191,4 @@ def _dropped(parent: Fitted, hypothesis: Hypothesis, projection: Projection, kee
         values = np.array([{"shift": shift[i], "shift_time": onsets[i]}[n] for n in names])
         found.append(Start(hypothesis, _point(parent, hypothesis, values), float(gain[i])))
     asked = 2.0 * (parent.ground.settings.nats + hypothesis.cost(parent.ground.settings))
-    return [s for s in found if s.gain >= asked]
+    return [s for s in found if share * s.gain >= asked]

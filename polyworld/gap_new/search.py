@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -10,8 +9,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.candidate import Candidate
-from polyworld.gap_new.choose import score
+from polyworld.gap_new.candidate import Candidate
+from polyworld.gap_new.choose import credible, score
 from polyworld.gap_new.fitting import Fitted, fit
 from polyworld.gap_new.ground import Ground
 from polyworld.gap_new.held_out import Fold, fold_counts, folds_of, predict_left_out
@@ -19,8 +18,6 @@ from polyworld.gap_new.hypothesis import Hypothesis
 from polyworld.gap_new.propose import Start, proposals
 
 Array = NDArray[np.float64]
-
-TRAPPED = 2.0  # ratio of a hypothesis' scale to the best of its order beyond which its fit is tried once more
 
 
 @dataclass
@@ -38,49 +35,45 @@ class Search:
     pool: list[Fitted] = field(default_factory=list)
     share: float = 1.0
     limited: bool = False
-    began: float = field(default_factory=time.process_time)
 
     def __post_init__(self) -> None:
         self.folds: tuple[Fold, ...] = folds_of(self.ground, self.ground.settings)
         self.counts = fold_counts(self.ground, self.folds)
         self._seen: set[frozenset[tuple[str, str]]] = set()
 
-    def run(self) -> None:
-        """Fill the pool."""
+    def plain(self) -> None:
+        """Fit the base, and plain laws alone and in pairs: these are always tried and always reported."""
         self.null = fit(self.ground, self.base, growing=True, scale=1.0)
         self._add([self.null])
-        plain = [c for c in self.library if c.plain or c.name == "magnus_lift"]
+        plain = [c for c in self.library if c.plain]
         singles = self._level([self.null], plain, starts=1)
         self._add(singles)
-        self.report("plain laws", {"tried": [f.hypothesis.title for f in singles]})
         pairs = []
         for a, b in combinations(plain, 2):
             for parent in [f for f in singles if f.hypothesis.names == {a.name}][:1]:
                 pairs += self._brief(proposals(parent, [b], 1))
         self._add(self._finished(pairs))
-        self._forward()
+        self.report("plain laws", {"best": self.pool[0].hypothesis.title})
 
-    def _forward(self) -> None:
+    def forward(self) -> None:
+        """Add effects of the whole library one by one, while prediction gains by it."""
         settings = self.ground.settings
         level = [self.null]
         for depth in range(1, settings.depth + 1):
             if self.stopped():
                 self.limited = True
                 return
-            before = self.pool[0].total
-            new = self._level(level, self.library, settings.starts if depth == 1 else 1)
-            self._add(new)
+            self._add(self._level(level, self.library, settings.starts if depth == 1 else 1))
             self.report(f"{depth} effects", {"best": self.pool[0].hypothesis.title})
-            known = [f for f in self.pool if len(f.hypothesis.parts) == depth]
-            if not known:
+            trusted = credible(self.pool, self.null)
+            known = [f for f in trusted if len(f.hypothesis.parts) == depth]
+            least = min((f.total for f in trusted if len(f.hypothesis.parts) < depth), default=np.inf)
+            if not known or (known[0].total > least - settings.nats and depth > 1):
                 return
-            least = min(f.total for f in self.pool if len(f.hypothesis.parts) < depth)
-            known.sort(key=lambda f: f.total)
-            if known[0].total > least - settings.nats and depth > 1:
-                return
-            level = [f for f in known[: settings.branches] if f.total < known[0].total + 0.5 * max(least - known[0].total, 0.0) + 1e-9]
-            level = level or known[:1]
-            del before
+            gain = max(least - known[0].total, 0.0)
+            level = [f for f in known[: settings.branches] if f.total <= known[0].total + 0.5 * gain]
+            closest = min(known, key=lambda f: f.objective)  # what is a run's own costs much until all is explained
+            level = level if any(closest is f for f in level) else [*level[: settings.branches - 1], closest]
 
     def _level(self, parents: Sequence[Fitted], candidates: Sequence[Candidate], starts: int) -> list[Fitted]:
         """Fit the hypotheses of one more effect: briefly from their best starts, the better ones to the end."""
@@ -90,8 +83,7 @@ class Search:
                 if self.stopped():
                     self.limited = True
                     break
-                t0=time.process_time(); pp=proposals(parent, [candidate], starts); t1=time.process_time(); bb=self._brief(pp); briefs+=bb
-                print('     ',candidate.name,len(pp),'propose %.2f fit %.2f'%(t1-t0,time.process_time()-t1),[(round(q.gain,1)) for q in pp],[round(q.objective,1) for q in bb],flush=True)
+                briefs += self._brief(proposals(parent, [candidate], starts, self.share))
         return self._finished(briefs)
 
     def _brief(self, starts: Sequence[Start]) -> list[Fitted]:
@@ -114,7 +106,11 @@ class Search:
             key = one.hypothesis.key
             if key not in by or one.objective < by[key].objective:
                 by[key] = one
-        order = sorted(by.values(), key=lambda f: f.objective)[: settings.tried]
+        order = sorted(by.values(), key=lambda f: f.objective)
+        if order:  # what gains little beside the best of its kind cannot be the one law that is missing
+            most = self.null.objective - min(order[0].objective, self.null.objective)
+            order = [f for f in order if self.null.objective - f.objective >= settings.worth * most or _plain(f)]
+        order = [*order[: settings.tried], *(f for f in order[settings.tried :] if _plain(f))]
         return [fit(self.ground, f.hypothesis, f.point, False, settings.full, f.scale) for f in order]
 
     def _add(self, new: Sequence[Fitted]) -> None:
@@ -125,3 +121,7 @@ class Search:
         self.pool += list(new)
         self.share = score(self.pool, self.counts)
         self.pool.sort(key=lambda f: f.total)
+
+
+def _plain(fitted: Fitted) -> bool:
+    return all(p.candidate.plain for p in fitted.hypothesis.parts)

@@ -25,7 +25,8 @@ class GapSettings:
 
     Search. depth: most laws together. branches: hypotheses of one depth that are extended. starts: of a law with
     places that are fitted. tried: hypotheses of one depth that are fitted to the end. brief, full: iterations of both.
-    probe: share of an ordinary change by which score tests displace.
+    probe: share of an ordinary change by which score tests displace. worth: share of the best gain in fit that a hypothesis must have to be
+    compared by prediction.
 
     Runs. fewest_runs: for which each run is one fold; folds: into which fewer runs are cut in all. outlying: times the
     median error, and the noise, beyond which a run is set aside. most_aside: share of runs that may be. soft:
@@ -54,6 +55,7 @@ class GapSettings:
     brief: int = 4
     full: int = 12
     probe: float = 1e-2
+    worth: float = 0.2
     fewest_runs: int = 4
     folds: int = 8
     outlying: float = 4.0

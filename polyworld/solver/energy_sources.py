@@ -38,6 +38,7 @@ BOUNDED = frozenset(
     (
         "buoyancy",
         "central_force",
+        "collision_slack",
         "fan",
         "periodic_forcing",
         "spring",

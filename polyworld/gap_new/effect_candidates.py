@@ -1,0 +1,108 @@
+"""Turn what laws declare of their absence into candidates of the search."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+from polyworld.data.recording import Recording
+from polyworld.effects import ABSENCES, CATALOGUE
+from polyworld.effects.absence import Way
+from polyworld.effects.conditions import Conditions
+from polyworld.gap_new.candidate import Candidate, Variant
+from polyworld.estimation.unknown import Unknown
+from polyworld.gap_new.adding import free_name, neutral, of_path, with_parts
+from polyworld.gap_new.conditions import conditions
+from polyworld.world import Effect, World
+
+
+def effect_candidates() -> tuple[Candidate, ...]:
+    """Return one candidate for each effect that laws of `polyworld.effects` declare, its forms together."""
+    forms: dict[str, list[str]] = {}
+    for kind, absence in ABSENCES.items():
+        forms.setdefault(absence.effect or kind, []).append(kind)
+    return tuple(_candidate(name, kinds) for name, kinds in forms.items())
+
+
+def _candidate(name: str, kinds: list[str]) -> Candidate:
+    described = [k for k in kinds if ABSENCES[k].signature]
+    if len(described) != 1:
+        raise ValueError(f"effect {name!r}: exactly one of the laws {kinds} has to say how its absence shows")
+    first = described[0]
+    # The law that is described, then those per mass, then others.
+    listed = sorted(kinds, key=lambda k: (k != first, not CATALOGUE[k].per_mass))
+    absence, law = ABSENCES[first], CATALOGUE[first]
+    return Candidate(
+        name=name,
+        group="contact" if law.force is None else "force",
+        law="; or ".join(CATALOGUE[k].summary for k in listed),
+        signature=absence.signature,
+        reference=law.reference,
+        variants=partial(_variants, listed),
+        confused_with=absence.confused_with,
+        torque=absence.torque,
+        plain=absence.plain,
+        uniform=absence.uniform,
+    )
+
+
+def _variants(kinds: list[str], world: World, recording: Recording) -> tuple[Variant, ...]:
+    """Return the ways to add an effect; those that give each body its own come last."""
+    found = conditions(world, recording)
+    acting = [k for k in kinds if CATALOGUE[k].per_mass or world.objects]  # other laws act on rigid bodies alone
+    ways = [(kind, way) for kind in acting for way in ABSENCES[kind].ways(found) if way.starts]
+    return tuple(_variant(world, found, kind, way) for kind, way in sorted(ways, key=lambda w: w[1].each == "body"))
+
+
+def _variant(world: World, found: Conditions, kind: str, way: Way) -> Variant:
+    effects = tuple(_added(world, found, kind, way))
+    child = with_parts(world, effects=(*world.effects, *effects))
+    unknowns = tuple(u for effect in effects for u in _unknowns(child, found, effect, way, len(effects)))
+    acting = [name for name, parameter in way.free.items() if not parameter.idle]
+    return Variant(
+        child,
+        unknowns,
+        tuple(neutral(unknowns, **start) for start in way.starts),
+        way.label or ("each body by itself" if way.each == "body" else ""),
+        acting[0] if way.off and not way.each and len(acting) == 1 else None,
+        way.same_as,
+        tuple(name for name, parameter in way.free.items() if parameter.idle),
+        way.everywhere,
+    )
+
+
+def _added(world: World, found: Conditions, kind: str, way: Way) -> Iterator[Effect]:
+    """Return the law as effects of a world, off: one that acts on all it can, or one for each body, called after it."""
+    taken = {e.name for e in world.effects}
+    if not way.each:
+        # A law that is not proportional to mass acts on rigid bodies alone.
+        limited = world.deformables and not CATALOGUE[kind].per_mass
+        objects = tuple(o.name for o in world.objects) if limited else None
+        yield Effect(name=free_name(kind, taken), kind=kind, parameters=dict(way.values), objects=objects)
+        return
+    for body in [o.name for o in world.objects] if way.each == "body" else found.unturned:
+        name = free_name(f"{kind}_{body}", taken)
+        yield Effect(name=name, kind=kind, parameters=dict(way.values), objects=(body,))
+
+
+def _unknowns(child: World, found: Conditions, effect: Effect, way: Way, effects: int) -> Iterator[Unknown]:
+    """Return the free parameters of one effect: of each run, of one body, or of all."""
+    body = effect.objects[0] if way.each and effect.objects else ""
+    own = [_unknown(child, effect, way, name) for name in way.free]
+    if way.each == "run":
+        for run in found.unturned[body]:
+            whom = run if effects == 1 else f"{run}, {body}"
+            yield from (replace(u, name=f"{u.name} in {whom}", run=run) for u in own)
+    elif way.each == "body":
+        yield from (replace(u, name=f"{u.name}_{body}") for u in own)
+    else:
+        yield from own
+
+
+def _unknown(child: World, effect: Effect, way: Way, parameter: str) -> Unknown:
+    free = way.free[parameter]
+    start = way.values.get(parameter, CATALOGUE[effect.kind].parameters[parameter].default)
+    path = (f"effects.{effect.name}.{parameter}",)
+    limits = {"lower": free.lower, "upper": free.upper}
+    return of_path(child, path, parameter, start, free.typical, plausible=free.plausible, **limits)

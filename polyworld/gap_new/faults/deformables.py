@@ -1,0 +1,157 @@
+"""Other numbers of ropes, cloth, soft bodies and fluids than the world's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from polyworld.data.recording import Recording
+from polyworld.gap_new.candidate import Candidate, Variant
+from polyworld.gap_new.adding import by_value, one_start
+from polyworld.world import World
+from polyworld.world.materials import Form, material_of
+
+ROPES: frozenset[Form] = frozenset({"line"})
+CLOTH: frozenset[Form] = frozenset({"sheet"})
+SOFT: frozenset[Form] = frozenset({"solid"})
+FLUIDS: frozenset[Form] = frozenset({"liquid"})
+FACTOR = 100.0  # by which a value may be wrong either way
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of materials of some forms. floor: an ordinary change where the value is zero."""
+
+    field: str
+    forms: frozenset[Form]
+    floor: float
+    label: str = ""
+
+
+def _variants(world: World, fields: Sequence[Field]) -> tuple[Variant, ...]:
+    """Return a variant for each field; objects of equal value share one unknown."""
+    owners = [[d.name for d in world.deformables if material_of(d).form in f.forms] for f in fields]
+    several = sum(map(bool, owners)) > 1
+    made: list[Variant] = []
+    for field, names in zip(fields, owners, strict=True):
+        unknowns = by_value(world, [f"objects.{n}.{field.field}" for n in names], field.field, _sized(field.floor))
+        if unknowns:
+            made.append(one_start(world, unknowns, field.label if several else ""))
+    return tuple(made)
+
+
+def _sized(floor: float) -> Callable[[float], Mapping[str, float]]:
+    def sized(value: float) -> Mapping[str, float]:
+        typical, most = (0.3 * value, FACTOR * value) if value > 0.0 else (floor, FACTOR * floor)
+        return {"typical": typical, "lower": value / FACTOR, "upper": most}
+
+    return sized
+
+
+def _of(*fields: Field) -> Callable[[World, Recording], tuple[Variant, ...]]:
+    return lambda world, _: _variants(world, fields)
+
+
+def _bending(world: World, recording: Recording) -> tuple[Variant, ...]:
+    """Return where nothing bends stiffly yet: what bends a rope's own weight back over a tenth of its length."""
+    del recording
+    weights = [0.0]
+    g = float(np.linalg.norm(world.environment.gravity)) or 9.81
+    for rope in world.of_form("line"):
+        length = float(np.linalg.norm(np.diff(np.asarray(rope.points), axis=0), axis=1).sum())
+        weights.append(float(rope.linear_density) * g * (0.1 * length) ** 3)
+    return _variants(
+        world,
+        (
+            Field("bending_stiffness", ROPES, max(weights) or 1e-4, "of ropes"),
+            Field("bending_stiffness", CLOTH, 1e-5, "of cloth"),
+        ),
+    )
+
+
+def _source(world: World, recording: Recording) -> tuple[Variant, ...]:
+    del recording
+    unknowns = by_value(world, [f"emitters.{e.name}.rate" for e in world.emitters], "rate", _sized(1e-5))
+    return (one_start(world, unknowns),) if unknowns else ()
+
+
+CANDIDATES = (
+    Candidate(
+        name="material_damping",
+        group="material",
+        law="stress = C (strain + tau strain rate)",
+        signature="vibrations of the shape that last too long, or too short; the motion as a whole is right",
+        reference="Kelvin & Voigt; Landau & Lifshitz, Theory of Elasticity, 34",
+        variants=_of(
+            Field("stretch_damping", ROPES | CLOTH, 0.01, "of stretching"),
+            Field("bending_damping", ROPES | CLOTH, 0.01, "of bending"),
+            Field("damping", SOFT, 0.01, "of soft bodies"),
+        ),
+        confused_with={"air_drag": "the motion as a whole: inner damping leaves it alone"},
+    ),
+    Candidate(
+        name="air_drag",
+        group="material",
+        law="dv/dt = -c v of ropes and soft bodies; rho C_n v_n^2 / 2 per area of cloth",
+        signature="fall and swing too fast, and for too long",
+        reference="Batchelor, An Introduction to Fluid Dynamics, 5.11",
+        variants=_of(
+            Field("linear_damping", ROPES, 0.1, "of ropes"),
+            Field("linear_damping", SOFT, 0.1, "of soft bodies"),
+            Field("drag_normal", CLOTH, 1.0, "across the sheet"),
+            Field("drag_tangential", CLOTH, 0.05, "along the sheet"),
+        ),
+        confused_with={"material_damping": "the motion as a whole", "wind": "opposite headings"},
+    ),
+    Candidate(
+        name="bending_stiffness",
+        group="material",
+        law="moment = EI curvature; D curvature per width of a sheet",
+        signature="curves too tight, or too wide; short waves too slow or too fast",
+        reference="Landau & Lifshitz, Theory of Elasticity, 11 and 17",
+        variants=_bending,
+        confused_with={"stretch_stiffness": "lengths: bending keeps them"},
+    ),
+    Candidate(
+        name="stretch_stiffness",
+        group="material",
+        law="tension = EA strain; stress = E strain",
+        signature="sags too far or too little; bounces along its length too slowly or too fast",
+        reference="Hooke (1678); Landau & Lifshitz, Theory of Elasticity, 5",
+        variants=_of(
+            Field("stretch_stiffness", ROPES, 1e3, "of ropes"),
+            Field("stretch_stiffness", CLOTH, 100.0, "of cloth"),
+            Field("youngs_modulus", SOFT, 1e4, "of soft bodies"),
+        ),
+        confused_with={"bending_stiffness": "lengths", "gravity_error": "free fall"},
+    ),
+    Candidate(
+        name="viscosity",
+        group="material",
+        law="stress = mu (grad v + grad v^T)",
+        signature="spreads or comes to rest too fast or too slowly",
+        reference="Stokes (1845); Batchelor, An Introduction to Fluid Dynamics, 3.3",
+        variants=_of(Field("viscosity", FLUIDS, 1e-3)),
+        confused_with={"source_rate": "the volume there is at the end"},
+    ),
+    Candidate(
+        name="surface_tension",
+        group="material",
+        law="pressure jump = sigma curvature",
+        signature="small drops and thin jets that should draw together, or do so too much",
+        reference="Laplace (1806); Batchelor, An Introduction to Fluid Dynamics, 1.9",
+        variants=_of(Field("surface_tension", FLUIDS, 0.02)),
+        confused_with={"viscosity": "fluid at rest: only tension acts there"},
+    ),
+    Candidate(
+        name="source_rate",
+        group="material",
+        law="volume per time of emitters",
+        signature="more, or less, fluid than there should be, growing evenly while a source runs",
+        reference="conservation of volume",
+        variants=_source,
+        confused_with={"viscosity": "the volume there is at the end"},
+    ),
+)

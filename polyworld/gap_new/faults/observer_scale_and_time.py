@@ -1,0 +1,180 @@
+"""Wrong units of whoever measured, and wrong time stamps; and what all faults of observers share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from polyworld.data.recording import Recording, Run
+from polyworld.gap_new.candidate import Candidate, Variant
+from polyworld.estimation.unknown import Unknown
+from polyworld.gap_new.adding import of_path, one_start, with_parts
+from polyworld.world import World
+from polyworld.world.observer import MARGIN, Observer
+
+WRONG_UNIT = 0.3  # share by which a unit is wrong: film of 24 frames a second shown at 30, a yard taken for a metre
+FRAMES = 10.0  # that are ordinarily missed, or by which a recording ordinarily begins late
+# Effects whose course depends on the time since the start.
+_TIMED = frozenset({"periodic_forcing", "expression"})
+
+
+def observed(world: World, **faults: Any) -> World:
+    """Return a child world whose observer has some fields replaced; one without faults where there was none."""
+    return with_parts(world, observer=(world.observer or Observer()).model_copy(update=faults))
+
+
+def of_observer(world: World, field: str, name: str, typical: float, **limits: float) -> Unknown:
+    """Return a field of a world's observer as an unknown from its value on. limits: as `of_path` takes them."""
+    assert world.observer is not None
+    path = f"observer.{field}"
+    return of_path(world, (path,), name, world.observer.values[path], typical, **limits)
+
+
+def measured_axes(recording: Recording) -> list[int]:
+    """Return axes of which positions were measured."""
+    return [a for a in range(3) if any(np.isfinite(run.positions[..., a]).any() for run in recording.runs)]
+
+
+def is_bare(world: World) -> bool:
+    """Return whether nothing in the world has a place or a size that data could be held against."""
+    return not (world.statics or world.joints or world.deformables or world.effects)
+
+
+def _unit(world: World, field: str, alike: tuple[str, ...]) -> tuple[Variant, ...]:
+    child = observed(world)
+    factor = of_observer(child, field, field, 0.03, lower=0.5, upper=2.0, plausible=WRONG_UNIT)
+    # Free flight from free initial states: lengths and times have only gravity to be compared with.
+    return (one_start(child, (factor,), same_as=alike if is_bare(world) else ()),)
+
+
+def _scale(world: World, recording: Recording) -> tuple[Variant, ...]:
+    about_origin = _unit(world, "scale", ("gravity_error", "observer_clock", "buoyancy"))
+    if is_bare(world):
+        return about_origin  # free initial states take up where the centre is
+    return (*about_origin, _scale_about_own_point(world, recording))
+
+
+def _scale_about_own_point(world: World, recording: Recording) -> Variant:
+    """Return a scale about a point that is fitted, too: statics have a place, and what stays there shows."""
+    places = np.concatenate([run.positions.reshape(-1, 3) for run in recording.runs])
+    axes = measured_axes(recording)
+    middle = np.zeros(3)
+    lower, upper = np.nanmin(places[:, axes], axis=0), np.nanmax(places[:, axes], axis=0)
+    middle[axes] = 0.5 * (lower + upper)
+    reach = float(np.max(upper - lower))
+    child = observed(world, centre=tuple(float(c) for c in middle))
+    unknowns = [of_observer(child, "scale", "scale", 0.03, lower=0.5, upper=2.0, plausible=WRONG_UNIT)]
+    for a in axes:
+        limits = {"lower": float(middle[a] - 2.0 * reach), "upper": float(middle[a] + 2.0 * reach), "plausible": reach}
+        unknowns.append(of_observer(child, f"centre.{'xyz'[a]}", f"centre_{'xyz'[a]}", 0.2 * reach, **limits))
+    return one_start(child, unknowns, "about a point of its own", strength="scale")
+
+
+def _clock(world: World, recording: Recording) -> tuple[Variant, ...]:
+    del recording
+    return _unit(world, "clock", ("gravity_error", "observer_scale", "buoyancy"))
+
+
+def _interval(run: Run) -> float:
+    return float(np.median(np.diff(run.times)))
+
+
+def _limits(interval: float) -> dict[str, float]:
+    """Return bounds of a shift of time, whose ordinary size is an interval between frames."""
+    return {"lower": -MARGIN * interval, "upper": MARGIN * interval, "plausible": FRAMES * interval}
+
+
+def _time_offset(world: World, recording: Recording) -> tuple[Variant, ...]:
+    # Free initial states take up any offset, unless something shows when the world began.
+    begins = (
+        any(run.lead > 0.0 for run in recording.runs)
+        or bool(world.deformables)
+        or any(o.start_time > 0.0 for o in world.objects)
+        or any(getattr(j, "other", None) is not None for j in world.joints)
+        or any(getattr(j, "motor", None) is not None for j in world.joints)
+        or any(e.enabled and e.kind in _TIMED for e in world.effects)
+    )
+    if not begins:
+        return ()
+    child = observed(world)
+    interval = max(_interval(run) for run in recording.runs)
+    offset = of_observer(child, "time_offset", "time_offset", interval, **_limits(interval))
+    return (one_start(child, (offset,)),)
+
+
+def _dropped(world: World, recording: Recording) -> tuple[Variant, ...]:
+    if world.observer is not None and world.observer.shift != 0.0:
+        return ()
+    made = []
+    for run in recording.runs:
+        if len(run.times) < 3:
+            continue
+        interval = _interval(run)
+        first, last = run.lead, run.lead + float(run.times[-1] - run.times[0])
+        child = observed(world, shift_run=run.name, shift_time=0.5 * (first + last))
+        unknowns = (
+            of_observer(child, "shift", "shift", interval, **_limits(interval)),
+            of_observer(child, "shift_time", "shift_time", 10.0 * interval, lower=first, upper=last),
+        )
+        label = "" if len(recording.runs) == 1 else f"in run {run.name}"
+        made.append(one_start(child, unknowns, label, strength="shift"))
+    return tuple(made)
+
+
+_SCALES = {
+    "gravity_error": "a length known in the scene, or gravity measured elsewhere",
+    "observer_clock": "a speed or a period that does not come from gravity, such as forcing by a motor",
+    "buoyancy": "another body of another density",
+}
+
+CANDIDATES = (
+    Candidate(
+        name="observer_scale",
+        group="observer",
+        law="x_seen = centre + s (x - centre)",
+        signature="all lengths, and so gravity and speeds, are wrong by one factor; bounces keep their times",
+        reference="Hartley & Zisserman, Multiple View Geometry (2004), ch. 2",
+        variants=_scale,
+        confused_with=_SCALES,
+    ),
+    Candidate(
+        name="observer_clock",
+        group="observer",
+        law="t_seen = c t",
+        signature="all times are wrong by one factor: speeds by it, accelerations by its square, drag not at all",
+        reference="any mechanics text, change of the unit of time",
+        variants=_clock,
+        confused_with={
+            "gravity_error": _SCALES["gravity_error"],
+            "observer_scale": "a length known in the scene, such as the height of a wall or the size of a body",
+            "buoyancy": _SCALES["buoyancy"],
+        },
+    ),
+    Candidate(
+        name="observer_time_offset",
+        group="observer",
+        law="t_seen = t - t0",
+        signature="residuals along the velocity, the same delay everywhere and from the start on",
+        reference="any mechanics text, change of the origin of time",
+        variants=_time_offset,
+        confused_with={
+            "dropped_frames": "the delay is there from the first sample",
+            "actuator_delay": "motion that no actuator drives is late too",
+        },
+    ),
+    Candidate(
+        name="dropped_frames",
+        group="observer",
+        law="t_seen = t - shift after shift_time",
+        signature="from one instant on all bodies are ahead (frames dropped) or behind (repeated) by one time",
+        reference="any video text; a change of the origin of time at an instant",
+        variants=_dropped,
+        local=True,
+        confused_with={
+            "hidden_wall": "bodies elsewhere jump at the same instant, and speeds stay as they were",
+            "fan": "the jump is a displacement along the velocity, with no change of velocity",
+            "observer_clock": "the delay does not grow",
+        },
+    ),
+)

@@ -1,0 +1,130 @@
+"""The gap workflow on one page: find where a world disagrees with measurements, name what is missing, and prove it.
+
+noise is measured before any model                                 estimation.run_noise
+the base is fitted, plain laws alone and in pairs, then others     search, propose, fitting
+every hypothesis is judged by what it predicts of runs left out    held_out, choose
+runs that no candidate predicts are set aside and named            set_aside
+the verdict: what bootstraps keep, what competes, what is closed   verdict
+sealed runs, which no step has seen, can only lower it             sealed
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from polyworld.data.recording import Recording
+from polyworld.gap_new.candidate import Candidate
+from polyworld.estimation.unknown import Unknown
+from polyworld.gap_new.catalogue import catalogue
+from polyworld.gap_new.choose import credible
+from polyworld.gap_new.ground import Ground, ground_of
+from polyworld.gap_new.hypothesis import Hypothesis
+from polyworld.gap_new.report import GapReport
+from polyworld.gap_new.sealed import SealedGap, sealed_gap
+from polyworld.gap_new.search import Search
+from polyworld.gap_new.set_aside import Aside, outlying, without_runs
+from polyworld.gap_new.settings import GapSettings
+from polyworld.gap_new.verdict import Verdict, decide
+from polyworld.screening import screen
+from polyworld.world import World
+
+PASSES = 3  # of the search, each without the runs that the one before could not predict
+
+
+def find_gap(
+    world: World,
+    recording: Recording,
+    *,
+    held_out: Recording | None = None,
+    base: Sequence[Unknown] = (),
+    candidates: Sequence[Candidate] | None = None,
+    settings: GapSettings | None = None,
+    progress: Callable[[float, str], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> GapReport:
+    """Find what a world lacks to explain a recording.
+
+    base: unknowns that every hypothesis fits. candidates: effects to choose from; default: the whole catalogue.
+    held_out: data that no step sees before the verdict, which they can only lower. progress: called with the share done
+    (0 to 1) and the step. cancelled: asked between fits; where it is true `InterruptedError` is raised. Raises
+    ValueError where the recording does not fit the world.
+    """
+    settings = settings or GapSettings()
+    library = tuple(catalogue().values()) if candidates is None else tuple(candidates)
+    began = time.monotonic()
+    history: list[dict[str, object]] = []
+
+    def stopped() -> bool:
+        if cancelled is not None and cancelled():
+            raise InterruptedError("cancelled")
+        return settings.time_limit is not None and time.monotonic() - began > settings.time_limit
+
+    def report(step: str, figures: dict[str, object]) -> None:
+        stopped()
+        history.append({"step": step, "seconds": time.monotonic() - began, **figures})
+        if progress is not None:
+            progress(min(0.1 * len(history), 0.9), step)
+
+    screening = screen(world, recording)
+    ground = ground_of(world, recording, settings)
+    search, aside = _search(ground, library, Hypothesis(world, tuple(base)), report, stopped)
+    verdict = decide(search.pool, search.null, search.share)
+    sealed: SealedGap | None = None
+    if held_out is not None:
+        sealed = sealed_gap(search.null, verdict.best, held_out)
+        verdict = _lowered(verdict, sealed, settings)
+    report("verdict", {"verdict": verdict.kind, "best": verdict.best.hypothesis.title})
+    if progress is not None:
+        progress(1.0, "done")
+    return GapReport(
+        verdict,
+        search.null,
+        tuple(search.pool),
+        sealed,
+        aside,
+        tuple(f.message for f in screening.findings),
+        tuple(history),
+        settings.time_limit if search.limited else None,
+    )
+
+
+def _search(
+    ground: Ground,
+    library: Sequence[Candidate],
+    base: Hypothesis,
+    report: Callable[[str, dict[str, object]], None],
+    stopped: Callable[[], bool],
+) -> tuple[Search, tuple[Aside, ...]]:
+    """Search; again without what stands out. A single such run is set aside at once: no law of a place shows in one."""
+    aside: tuple[Aside, ...] = ()
+    for turn in range(PASSES):
+        search = Search(ground, library, base, report, stopped)
+        search.plain()
+        last = turn == PASSES - 1
+        bad = [] if last else outlying(credible(search.pool, search.null)[0])
+        if len(bad) != 1:
+            search.forward()
+            bad = [] if last else outlying(credible(search.pool, search.null)[0])
+        if not bad or search.limited:
+            break
+        ground, more = without_runs(credible(search.pool, search.null)[0], bad)
+        aside += more
+        report("set aside", {"runs": [a.run for a in more]})
+    return search, aside
+
+
+def _lowered(verdict: Verdict, sealed: SealedGap, settings: GapSettings) -> Verdict:
+    """Return the verdict as far as sealed runs bear it out."""
+    if verdict.best.hypothesis.parts and verdict.kind in ("identified", "identified_with_remainder"):
+        if sealed.after > 1.0 and sealed.share > settings.closed:
+            reason = f"{100.0 * sealed.share:.0f}% of the gap in the sealed runs is left"
+            return replace(verdict, kind="unexplained", reasons=(*verdict.reasons, reason))
+        if verdict.kind == "identified" and sealed.after > settings.near_noise:
+            reason = f"the sealed runs are {sealed.after:.1f} standard deviations of the noise off"
+            return replace(verdict, kind="identified_with_remainder", reasons=(*verdict.reasons, reason))
+    if verdict.kind == "nothing_missing" and sealed.before > settings.near_noise * max(verdict.before, 1.0):
+        reason = f"the sealed runs are {sealed.before:.1f} standard deviations of the noise off"
+        return replace(verdict, kind="unexplained", reasons=(*verdict.reasons, reason))
+    return verdict

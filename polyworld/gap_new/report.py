@@ -1,0 +1,132 @@
+"""Report the verdict with its evidence, and how it was reached, as plain data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from polyworld.gap_new.choose import typical_error
+from polyworld.gap_new.fitting import Fitted
+from polyworld.gap_new.sealed import SealedGap
+from polyworld.gap_new.set_aside import Aside
+from polyworld.gap_new.verdict import Verdict, intervals
+from polyworld.world import World
+
+LISTED = 8  # hypotheses
+
+
+@dataclass(frozen=True)
+class GapReport:
+    """The outcome of the search for the gap.
+
+    null: the base, fitted. pool: all hypotheses fitted to the end, best first. sealed: the gap on runs that no step has
+    seen. set_aside: runs, or tails of runs, that no candidate predicts. limited: the time limit [s] that ended the
+    search. to_dict gives all of it as JSON-ready values.
+    """
+
+    verdict: Verdict
+    null: Fitted = field(repr=False)
+    pool: tuple[Fitted, ...] = field(repr=False)
+    sealed: SealedGap | None
+    set_aside: tuple[Aside, ...]
+    cautions: tuple[str, ...]
+    history: tuple[dict[str, object], ...]
+    limited: float | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects of the best hypothesis, empty where nothing is missing."""
+        return tuple(p.candidate.name for p in self.verdict.best.hypothesis.parts)
+
+    @property
+    def world(self) -> World:
+        """The child world with the effects, fitted."""
+        return self.verdict.best.hypothesis.fitted_world(self.verdict.best.values)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return JSON-ready values; numbers that are not finite become None."""
+        v = self.verdict
+        payload = {
+            "verdict": v.kind,
+            "reasons": list(v.reasons),
+            "effects": effects_of(v.best),
+            "competitors": [_listed(f) for f in v.competitors],
+            "frequencies": v.frequencies,
+            "stable": v.stable,
+            "error": {"before": v.before, "after": v.after, "unit": "standard deviations of the noise"},
+            "noise": _noise(v.best),
+            "independent_share": v.share,
+            "plain_laws": [_listed(f) for f in plain_laws(self.pool)],
+            "hypotheses": [_listed(f) for f in self.pool[:LISTED]],
+            "base": {u.name: float(x) for u, x in zip(self.null.hypothesis.base, v.best.values, strict=False)},
+            "sealed": None if self.sealed is None else self.sealed.to_json(),
+            "set_aside": [a.to_json() | {"summary": a.summary()} for a in self.set_aside],
+            "cautions": list(self.cautions),
+            "time_limit": self.limited,
+            "world": self.world.model_dump(mode="json"),
+            "history": list(self.history),
+        }
+        result: dict[str, Any] = finite(payload)
+        return result
+
+
+def plain_laws(pool: Sequence[Fitted]) -> list[Fitted]:
+    """Return plain laws alone and in pairs, best first."""
+    return [f for f in pool if f.hypothesis.parts and all(p.candidate.plain for p in f.hypothesis.parts)]
+
+
+def effects_of(fitted: Fitted) -> list[dict[str, Any]]:
+    """Return every effect of a hypothesis with its fitted unknowns and their 95% intervals."""
+    found = []
+    ends = intervals(fitted)
+    for i, part in enumerate(fitted.hypothesis.parts):
+        at = fitted.hypothesis.of_part(i)
+        unknowns = {
+            u.name: {"value": float(v), "unit": u.unit, "interval95": [float(e[0]), float(e[1])], "paths": list(u.paths)}
+            for u, v, e in zip(part.shared, fitted.values[at], ends[at], strict=True)
+        }
+        found.append(
+            {
+                "name": part.candidate.name,
+                "label": part.variant.label,
+                "law": part.candidate.law,
+                "same_as": list(part.variant.same_as),
+                "unknowns": unknowns,
+            }
+        )
+    return found
+
+
+def _listed(fitted: Fitted) -> dict[str, Any]:
+    """Return a hypothesis in short."""
+    return {
+        "effects": [p.candidate.name for p in fitted.hypothesis.parts],
+        "labels": [p.variant.label for p in fitted.hypothesis.parts],
+        "values": {u.name: float(v) for u, v in zip(fitted.hypothesis.unknowns, fitted.values, strict=True)},
+        "score": fitted.total,
+        "error": typical_error(fitted),
+    }
+
+
+def _noise(fitted: Fitted) -> dict[str, Any]:
+    ground = fitted.ground
+    levels = [n.position[np.isfinite(r.positions).any(axis=0)] for r, n in zip(ground.recording.runs, ground.noise, strict=True)]
+    every = np.concatenate([np.atleast_1d(x) for x in levels]) if levels else np.zeros(0)
+    return {"position": float(np.median(every)) if len(every) else None, "unit": "m"}
+
+
+def finite(value: Any) -> Any:
+    """Return the same with None for every number that JSON cannot hold."""
+    if isinstance(value, dict):
+        return {k: finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

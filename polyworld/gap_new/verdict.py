@@ -1,0 +1,176 @@
+"""Decide what may be named: the core that bootstraps keep, competitors, intervals away from zero, what is closed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm, t
+
+from polyworld.gap_new.choose import choose, credible, typical_error, winners
+from polyworld.gap_new.fitting import Fitted
+from polyworld.gap_new.held_out import reduced
+
+Array = NDArray[np.float64]
+
+Kind = Literal["identified", "identified_with_remainder", "ambiguous", "unexplained", "nothing_missing"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A verdict. best: the hypothesis that is named, or the nearest one. competitors: others that are as near.
+
+    frequencies: share of bootstraps over folds that hold an effect; stable: of those that hold all of the best's.
+    before, after: held-out errors in standard deviations of the noise. reasons: what kept it from being more.
+    """
+
+    kind: Kind
+    best: Fitted
+    competitors: tuple[Fitted, ...]
+    frequencies: dict[str, float]
+    stable: float
+    before: float
+    after: float
+    share: float
+    reasons: tuple[str, ...] = ()
+
+
+def decide(pool: Sequence[Fitted], null: Fitted, share: float) -> Verdict:
+    """Decide on a pool of hypotheses that are scored alike."""
+    settings = null.ground.settings
+    trusted = credible(pool, null)
+    if null not in trusted:
+        trusted.append(null)
+    choice = choose(trusted, settings, share)
+    named = choice.chosen
+    drawn = winners(trusted, settings, share)
+    names = {n for f in drawn for n in f.hypothesis.names}
+    frequency = {n: float(np.mean([n in f.hypothesis.names for f in drawn])) for n in sorted(names)}
+    if not any(_competes(f, named) for f in choice.near):
+        named = _needed(named, trusted, frequency)
+        gains = [f for f in drawn if named.hypothesis.names < f.hypothesis.names]
+        much = typical_error(choice.best) < settings.matters * typical_error(named)
+        if named is choice.chosen and len(gains) >= settings.core * len(drawn) and much:
+            named = max(gains, key=lambda f: sum(g is f for g in gains))
+    rivals = [f for f in choice.near if _competes(f, named)]
+    stable = float(np.mean([named.hypothesis.names <= f.hypothesis.names for f in drawn]))
+    before, after = typical_error(null), typical_error(named)
+    kind, reasons = _kind(named, null, rivals, stable)
+    return Verdict(kind, named, tuple(rivals), frequency, stable, before, after, share, reasons)
+
+
+def _needed(named: Fitted, trusted: Sequence[Fitted], frequency: dict[str, float]) -> Fitted:
+    """Return the hypothesis without the laws that bootstraps do not keep, or that matter less than model error does.
+
+    Where a remainder is left, what lowers it by little may be a part of it.
+    """
+    settings = named.ground.settings
+    while len(named.hypothesis.parts) > 1:
+        fewer = [f for f in trusted if f.hypothesis.names < named.hypothesis.names]
+        fewer = [f for f in fewer if len(f.hypothesis.parts) == len(named.hypothesis.parts) - 1]
+        error = typical_error(named)
+        for f in sorted(fewer, key=lambda f: f.total):
+            (dropped,) = named.hypothesis.names - f.hypothesis.names
+            small = settings.matters * typical_error(f) < error
+            if small and (error > settings.near_noise or frequency.get(dropped, 0.0) < settings.core):
+                named = f
+                break
+        else:
+            break
+    return named
+
+
+def _competes(other: Fitted, named: Fitted) -> bool:
+    """Return whether a near hypothesis is another answer of about the same simplicity."""
+    return (
+        other is not named
+        and other.simplicity <= named.simplicity + 1.0 + 1e-6
+        and not named.hypothesis.names <= other.hypothesis.names
+    )
+
+
+def _kind(named: Fitted, null: Fitted, rivals: Sequence[Fitted], stable: float) -> tuple[Kind, tuple[str, ...]]:
+    settings = null.ground.settings
+    before, after = typical_error(null), typical_error(named)
+    quiet = after < settings.near_noise or after * relative_noise(named) < settings.negligible
+    if named is null:
+        if rivals:
+            return "ambiguous", ()
+        return ("nothing_missing", ()) if quiet else ("unexplained", ("no effect predicts what is left",))
+    if rivals:
+        return "ambiguous", ()
+    weak = not_zero(named)
+    if weak:
+        return "unexplained", (f"the interval of {', '.join(weak)} contains zero",)
+    if after < settings.near_noise:
+        return "identified", ()
+    closed = np.sqrt(max(after**2 - 1.0, 0.0)) / max(np.sqrt(max(before**2 - 1.0, 0.0)), 1e-12)
+    if closed > settings.closed:
+        return "unexplained", (f"the best law found leaves {100.0 * closed:.0f}% of the held-out gap",)
+    if stable < 1.0 - settings.share and len(named.ground.recording.runs) >= settings.fewest_runs:
+        return "unexplained", (f"only {100.0 * stable:.0f}% of bootstraps over runs choose it",)
+    return "identified_with_remainder", ()
+
+
+def relative_noise(fitted: Fitted) -> float:
+    """Return the noise of positions over the extent of the motion."""
+    ground = fitted.ground
+    levels, extents = [], []
+    for run, noise in zip(ground.recording.runs, ground.noise, strict=True):
+        seen = np.isfinite(run.positions).any(axis=0)
+        if seen.any():
+            levels.append(float(np.median(noise.position[seen])))
+            extents.append(float(np.nanmax(np.nanmax(run.positions, axis=0) - np.nanmin(run.positions, axis=0))))
+    return float(np.median(levels) / max(max(extents), 1e-12)) if levels else 0.0
+
+
+def intervals(fitted: Fitted, level: float = 0.95) -> Array:
+    """Return intervals (S, 2) of shared unknowns, robust to what runs have of their own.
+
+    Sandwich over runs (Liang & Zeger 1986, Biometrika 73, 13) with t of R - 1 degrees, and no narrower than the
+    information with the scale of the residuals says, its correlation counted. Of few runs the latter alone.
+    """
+    found = reduced(fitted)
+    s, runs = len(fitted.values), len(fitted.slopes)
+    if not s:
+        return np.zeros((0, 2))
+    typical = fitted.problem.typical
+    total = found.information.sum(axis=0) * typical[:, None] * typical
+    inverse = np.linalg.pinv(total + 1e-12 * np.diag(np.diag(total) + 1e-12), rcond=1e-13, hermitian=True)
+    share = max(_share_of(fitted), 1e-3)
+    variance = np.diag(inverse) * fitted.scale**2 / share
+    half = float(norm.ppf(0.5 + 0.5 * level)) * np.sqrt(variance)
+    if runs >= fitted.ground.settings.fewest_runs:
+        scores = found.pull * typical
+        spread = np.diag(inverse @ (scores.T @ scores) @ inverse) * runs / (runs - 1.0)
+        half = np.maximum(half, float(t.ppf(0.5 + 0.5 * level, runs - 1)) * np.sqrt(np.maximum(spread, 0.0)))
+    half = half * typical
+    return np.stack([fitted.values - half, fitted.values + half], axis=1)
+
+
+def _share_of(fitted: Fitted) -> float:
+    product = square = 0.0
+    for grid in fitted.grids:
+        both = grid[1:] * grid[:-1]
+        product += float(np.nansum(both))
+        square += float(np.nansum(grid[1:] ** 2 * np.isfinite(both)))
+    phi = float(np.clip(product / max(square, 1e-300), 0.0, 0.98))
+    return (1.0 - phi) / (1.0 + phi)
+
+
+def not_zero(fitted: Fitted) -> list[str]:
+    """Return effects none of whose strengths differs from neutral: their intervals contain it."""
+    found = []
+    ends = intervals(fitted)
+    for i, part in enumerate(fitted.hypothesis.parts):
+        own = ends[fitted.hypothesis.of_part(i)]
+        acting = [k for k, u in enumerate(part.shared) if u.name not in part.variant.idle]
+        if part.candidate.local or not acting:
+            continue
+        starts = np.array([part.shared[k].start for k in acting])
+        if not np.any((own[acting, 0] > starts) | (own[acting, 1] < starts)):
+            found.append(part.candidate.name)
+    return found
