@@ -1,4 +1,4 @@
-"""A verdict on a fit: good, poor or failed, from each body's error beside its noise and its size."""
+"""A verdict on a fit: good, poor or failed, by what it predicts of frames that it left out, beside noise and size."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from atw_mcp.calls.app import App
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.world_fit import FitResult
+from polyworld.estimation.fit import FittedRun
 from polyworld.world.geometry import equivalent_radius
 
 Verdict = Literal["good", "poor", "failed"]
@@ -49,11 +49,12 @@ def is_far_off(error: float, noise: float, radius: float) -> bool:
 
 @dataclass(frozen=True)
 class BodyFit:
-    """Root mean square distance of a body's simulated from its observed centre [m].
+    """Root mean square distance of a body's simulated from its observed centre on the frames fitted [m].
 
     noise [m]: distance that the stated noise of its track makes. radius [m]: of the ball of its volume. motion [m]:
     root mean square distance of the observed centre from its mean. far_off: whether contacts happen or fail otherwise
-    than the video shows, by an error that noise does not explain.
+    than the video shows, by an error that noise does not explain. ahead [m]: of the prediction of frames that were left
+    out at first; None where none were.
     """
 
     object: str
@@ -62,11 +63,14 @@ class BodyFit:
     radius: float
     motion: float
     far_off: bool = False
+    ahead: float | None = None
 
     @property
     def verdict(self) -> Verdict:
-        """Good where the error is noise, or small beside the body; failed where it is large beside body and motion."""
-        if self.error <= max(SETTINGS.noisy * self.noise, SETTINGS.small * self.radius):
+        """Good where what was left out is predicted to noise, or to little beside the body; failed where the frames
+        fitted are off by much beside body and motion."""
+        predicted = self.error if self.ahead is None else max(self.error, self.ahead)
+        if predicted <= max(SETTINGS.noisy * self.noise, SETTINGS.small * self.radius):
             return "good"
         return (
             "failed" if self.error > max(SETTINGS.large * self.radius, SETTINGS.unexplained * self.motion) else "poor"
@@ -75,12 +79,14 @@ class BodyFit:
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready values."""
         return {"object": self.object, "verdict": self.verdict, "error_m": self.error, "noise_m": self.noise,
-                "of_radius": self.error / self.radius, "far_off": self.far_off}  # fmt: skip
+                "of_radius": self.error / self.radius, "far_off": self.far_off, "predicted_m": self.ahead}  # fmt: skip
 
     def in_words(self) -> str:
         """The error beside noise and size."""
         noise = "" if self.noise <= 0.0 else f", {self.error / self.noise:.2g} times its noise"
-        return f"{self.object} is {self.error:.2g} m off{noise} and {100 * self.error / self.radius:.2g}% of its radius"
+        of_radius = f"{self.error / self.radius:.0%} of its radius"
+        ahead = "" if self.ahead is None else f"; {self.ahead:.2g} m where it was predicted"
+        return f"{self.object} is {self.error:.2g} m off{noise} and {of_radius}{ahead}"
 
 
 @dataclass(frozen=True)
@@ -111,16 +117,18 @@ class FitVerdict:
         }
 
 
-def judge(result: FitResult, tracks: ObservedTracks, moving: frozenset[str]) -> FitVerdict:
+def judge(run: FittedRun, tracks: ObservedTracks) -> FitVerdict:
     """Judge a fit by its rigid bodies; those that never move count only where they are off."""
-    if result.accuracy is None:
+    if run.accuracy is None:
         return FitVerdict((), diverged=True)
-    components = 2 if result.world.planar else 3
+    components = 2 if run.world.planar else 3
+    ahead = {} if run.prediction is None else {body.object: body.error for body in run.prediction.bodies}
     found = []
-    for item in result.world.objects:
-        error = result.accuracy.position_by_object.get(item.name)
-        if error is None or not np.isfinite(error) or item.name not in tracks.names:
+    for item in run.world.objects:
+        fitted = run.accuracy.position_by_object.get(item.name)
+        if fitted is None or not np.isfinite(fitted) or item.name not in tracks.names:
             continue
+        later = ahead.get(item.name, np.nan)
         column = tracks.index(item.name)
         known = tracks.confidence[:, column] > 0.0
         sigma = float(np.median(tracks.coordinate_sigma[known, column]))
@@ -128,9 +136,17 @@ def judge(result: FitResult, tracks: ObservedTracks, moving: frozenset[str]) -> 
         radius = equivalent_radius(item.shape)
         seen = tracks.positions[known, column]
         motion = float(np.sqrt(np.mean(np.sum((seen - seen.mean(axis=0)) ** 2, axis=1))))
-        far = is_far_off(result.accuracy.unexplained_by_object[item.name], across * float(np.sqrt(components)), radius)
-        body = BodyFit(item.name, float(error), sigma * float(np.sqrt(components)), radius, motion, far)
-        if item.name in moving or body.verdict != "good":
+        far = is_far_off(run.accuracy.unexplained_by_object[item.name], across * float(np.sqrt(components)), radius)
+        body = BodyFit(
+            item.name,
+            float(fitted),
+            sigma * float(np.sqrt(components)),
+            radius,
+            motion,
+            far,
+            float(later) if np.isfinite(later) else None,
+        )
+        if motion > SETTINGS.noisy * body.noise or body.verdict != "good":
             found.append(body)
     return FitVerdict(tuple(sorted(found, key=lambda body: -body.error / body.radius)))
 
@@ -159,5 +175,5 @@ def cure(case: str, world: str) -> str:
     return (
         f"InspectRollout(case={case!r}, world={world!r}) shows where it leaves the video. Then correct tracks, shapes "
         "or obstacles (BuildWorld), or fit the frames up to the first that goes wrong (FitWorld with last_frame) and "
-        "from that world all of them, or FitWorld with more restarts"
+        "from that world all of them"
     )

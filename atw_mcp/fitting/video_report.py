@@ -170,6 +170,6 @@ def _correction(case: Case, steps: Steps, tool: str) -> str:
         + again,
         "BuildWorld": f"BuildWorld(case={case.id!r}, ...) as the step's arguments say but corrected, then FitWorld; or "
         + again,
-        "FitWorld": f"FitWorld(case={case.id!r}{f', world={worlds[-1]!r}' if worlds else ''}, ...) with another seed, "
-        "more restarts or other parameters; FindDiscrepancy where the world lacks something",
+        "FitWorld": f"FitWorld(case={case.id!r}{f', world={worlds[-1]!r}' if worlds else ''}, ...) with other "
+        "parameters; FindDiscrepancy where the world lacks something",
     }[tool]

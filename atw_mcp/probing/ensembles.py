@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter
 
 from atw_mcp.calls.app import App
+from atw_mcp.fitting.fitting import Sample
 from atw_mcp.fitting.verdict import chance_of_wrong, verdict_of
 from atw_mcp.worlds.rollout_cost import MAX_POINT_SAMPLES, cost
 from atw_mcp.worlds.rollouts import ENGINE, content_of, rollout_from
 from evidence_store import Case, Content
 from polyworld.edits.interventions import Intervention
-from polyworld.estimation.world_fit import PosteriorSample
 from polyworld.probing.ensemble import member_worlds, roll_out_members
 from polyworld.trajectory import Rollout
 from polyworld.world import World
@@ -29,9 +29,6 @@ SAMPLE = "posterior"
 KIND = "ensemble"
 MEMBERS = 64  # kept of every fit
 LEAST = 5
-# Exponent of the importance weights below which the spread is called approximate. Reliability was as claimed over 80
-# simulated collisions with exponents from 0.01 to 1, median 0.4; the smallest were not judged on their own.
-DOUBTFUL = 0.02
 EDITS: TypeAdapter[Any] = TypeAdapter(list[Intervention])
 
 EnsembleSize = Annotated[
@@ -77,9 +74,9 @@ class Ensemble:
         return len(self.worlds)
 
 
-def keep_sample(app: App, fitted: World, start: World, sample: PosteriorSample) -> None:
+def keep_sample(app: App, fitted: World, sample: Sample) -> None:
     """Store the posterior sample of a fitted world; its values are relative to the world that the fit started from."""
-    document = {"start": start.id, **sample.to_dict()}
+    document = {"start": sample.start.id, **sample.to_dict()}
     app.store.fits.put(SAMPLE, {"world": fitted.id}, document, {"values": sample.values})
 
 
@@ -91,18 +88,12 @@ def stored_sample(app: App, world: str) -> Content | None:
 def sample_in_words(sample: Content) -> dict[str, Any]:
     """Summarize a posterior sample for an agent: its size, what of it the data do not determine, doubts."""
     document = sample.document
-    about: dict[str, Any] = {
+    return {
         "members": len(sample.arrays["values"]),
         "seed": document["seed"],
-        "drawn_from_bounds": document["from_bounds"],
-        "minima": document["minima"],
+        "from_prior": document["from_bounds"],
+        "effective": document["effective"],
     }
-    if document["tempering"] < DOUBTFUL:
-        about["doubt"] = (
-            "the misfit is far from quadratic around the fit, so the spread of the members is approximate: "
-            f"importance weights were tempered to the power {document['tempering']:.2g}"
-        )
-    return about
 
 
 def lineage(app: App, case: Case, world: World) -> Lineage:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.world_fit.observed import observed_entries
+from polyworld.estimation.readout import observed_entries
 from polyworld.probing.compare import positions_at
 from polyworld.trajectory import BatchTrajectory, Trajectory
 from polyworld.world import World
@@ -50,8 +50,8 @@ def misfits(world: World, run: Trajectory, tracks: ObservedTracks) -> list[Misfi
         return []
     position = next(e for e in observed_entries(world, tracks) if e.kind == "position")
     batch = _at_frames(run, tracks)
-    size = np.linalg.norm(position.differences(batch)[0], axis=-1)
-    sigmas = np.linalg.norm(position.standardised(batch)[0], axis=-1)
+    size = np.linalg.norm(position.differences(batch, len(tracks.frames))[0], axis=-1)
+    sigmas = np.linalg.norm(position.standardised(batch, len(tracks.frames))[0], axis=-1)
     found = []
     for owner in np.unique(position.owner):
         own = position.owner == owner

@@ -29,7 +29,7 @@ from atw_mcp.probing.misfits import Misfit, misfits
 from atw_mcp.worlds.marks import LEGEND, WorldMarks
 from evidence_store import Case
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.world_fit import accuracy
+from polyworld.estimation.accuracy import accuracy
 from polyworld.pictures.contact_shadow import with_contact_shadows
 from polyworld.pictures.render import Picture, default_camera, render
 from polyworld.trajectory import Rollout, Trajectory

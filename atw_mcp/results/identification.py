@@ -17,14 +17,33 @@ class BestDraft(Result):
     loss: float
 
 
-class FitStart(Result):
-    """One search of a fit, from a start of its own."""
+class Decides(Result):
+    """A constant that decides where a body goes."""
 
-    seed: int
-    loss_searched: float = Field(description="before refinement")
-    loss: float = Field(description="at its end")
-    position_rmse: float | None = Field(description="[m]; null where it diverged or no position was observed")
-    rotation_rmse: float | None = Field(description="[rad]; null where it diverged or no rotation was observed")
+    constant: str
+    part: float = Field(description="of the variance that it explains")
+
+
+class BodyPrediction(Result):
+    """How one body is predicted from the frames before those left out."""
+
+    object: str
+    error: float | None = Field(description="root mean square distance [m]; null where it was not seen there")
+    last: float | None = Field(description="distance at the last frame [m]; null likewise")
+    stays: float | None = Field(description="the same error of a body that stays where it was last seen [m]")
+    noise: float = Field(description="of a distance [m]")
+    spread: list[float] = Field(
+        description="half widths of 80% intervals [m] at the first frame left out, 0.5 and 1 s after the last frame"
+    )
+    decided_by: list[Decides] = Field(description="what decides the last of them")
+
+
+class Prediction(Result):
+    """How the frames left out are predicted."""
+
+    frame: int = Field(description="the first of them")
+    bodies: list[BodyPrediction]
+    inside: float | None = Field(description="part of their coordinates within 80% intervals")
 
 
 class FittedNumber(Result):
@@ -33,18 +52,10 @@ class FittedNumber(Result):
     name: str
     value: float = Field(description="in its unit")
     unit: str = Field(description="1 where it has none")
-    standard_error: float | None = Field(description="in its unit; null where the data do not determine it")
-    spread: float | None = Field(description="standard deviation of the last candidates; null without a search")
+    interval80: list[float] = Field(description="holds 80% of what the data allow")
+    prior: str | None = Field(description="what is ordinary; null where nothing is assumed")
+    from_prior: bool = Field(description="whether the data say little and the value is the prior's")
     at_bound: bool = Field(description="whether it lies on a bound of the search")
-
-
-class LawOfResistance(Result):
-    """A law of resistance that was tested."""
-
-    name: str
-    gain: float = Field(description="fall of chi-square")
-    needed: float = Field(description="fall needed to be kept")
-    kept: bool
 
 
 class OpenQuestion(Result):
@@ -59,9 +70,8 @@ class PosteriorSample(Result):
 
     members: int
     seed: int
-    drawn_from_bounds: list[str] = Field(description="values that the data do not determine")
-    minima: int = Field(description="number of minima the members come from")
-    doubt: str | None = Field(default=None, description="left out where there is none")
+    from_prior: list[str] = Field(description="values that the data do not determine")
+    effective: float = Field(description="number of independent draws that the members are worth")
 
 
 class FittedWorld(Result):
@@ -71,10 +81,10 @@ class FittedWorld(Result):
     from_world: str = Field(description="id of the world it started from")
     verdict: Literal["good", "poor", "failed"]
     why: str = Field(description="empty for a good fit")
-    warnings: list[str] = Field(description="where the minimum is doubtful")
+    prediction: Prediction | None = Field(description="null where too few frames are there to leave any out")
+    warnings: list[str] = Field(description="where the fit is doubtful")
     best_draft: BestDraft | None = Field(description="null where no earlier fit is better")
-    loss: float = Field(description="mean Huber loss of the standardised misfit")
-    starts: list[FitStart] = Field(description="best first")
+    loss: float = Field(description="mean robust square of the standardised misfit")
     position_rmse: float | None = Field(description="on the frames fitted [m]; null where it diverges or none observed")
     position_rmse_of_starting_world: float | None = Field(description="[m]; null where that diverges or none observed")
     position_rmse_held_out: float | None = Field(description="[m]; null where no frames were held out or it diverges")
@@ -88,14 +98,17 @@ class FittedWorld(Result):
     position_rmse_by_object: dict[str, float | None] | None = Field(description="[m]; null where it diverges")
     frames: Frames = Field(description="first and last frame fitted")
     values: list[FittedNumber] = Field(description="all but initial states")
-    initial_states: str = Field(description="how many were fitted, and how to read them")
     contacts: str = Field(description="how values of two objects combine in a contact")
-    resistance: list[LawOfResistance] = Field(description="empty where none was tested")
+    rolling: str = Field(description="how what can roll moves, as the evidence has it")
+    slack: list[float] = Field(
+        description="by collision, how far it departs from its impact law, in standard deviations"
+    )
     undetermined: list[OpenQuestion]
     undetermined_whole: str | None = Field(description="how to read the rest; null where this is all")
     ensemble: PosteriorSample | None = Field(description="null where no sample could be drawn")
     unobserved: list[str] = Field(description="objects without observations")
     not_in_world: list[str] = Field(description="observed objects that the world lacks")
+    study: list[str] = Field(description="cases fitted together")
     rollouts: int = Field(description="number of simulations made")
     computed_now: bool = Field(description="false where an equal request had been computed before")
     next: str = Field(description="call to make next")

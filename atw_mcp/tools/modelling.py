@@ -92,7 +92,7 @@ def model_video_tool(
     ] = None,
     fit: Annotated[
         dict[str, Any] | None,
-        Field(description="further arguments of FitWorld, e.g. {'each': ['mass'], 'shared': ['friction']}"),
+        Field(description="further arguments of FitWorld, e.g. {'fit_seconds_per_frame': true}"),
     ] = None,
     patience_seconds: Patience = 50.0,
 ) -> Answer | LongWork:

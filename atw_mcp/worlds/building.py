@@ -17,7 +17,7 @@ from atw_mcp.worlds.sizes import check_sizes
 from atw_mcp.worlds.warnings import fluid_warnings, without_covering_walls
 from polyworld.data.initial_states import initial_states, with_initial_states
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.world_fit import with_supports
+from polyworld.estimation.support import with_supports
 from polyworld.model.notes import model_notes
 from polyworld.world import Effect, Environment, MotionPlane, StaticObject, TimeBase, World
 from polyworld.world.camera import Camera

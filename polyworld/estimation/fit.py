@@ -48,7 +48,8 @@ Watch = Callable[[float, str, float], None]
 @dataclass(frozen=True)
 class FitOptions:
     """What a fit is asked. edit: changes the declared constants. states: whether initial states are fitted. share:
-    part of the frames at the end that is left out at first, to see how well the rest predicts it.
+    part of the frames at the end that is left out at first, to see how well the rest predicts it. holdout: frame from
+    which on the fit sees nothing at all, in place of that.
     """
 
     method: Method = "least_squares"
@@ -57,6 +58,7 @@ class FitOptions:
     time_base: bool = False
     materials: tuple[str, ...] | None = None
     share: float = 0.2
+    holdout: int | None = None
     members: int = 64
     generations: int = 60
     population: int = 64
@@ -98,6 +100,7 @@ class FittedRun:
     start: World
     sample: dict[str, Array]
     accuracy: Accuracy | None
+    accuracy_start: Accuracy | None
     held_out: Accuracy | None
     prediction: Prediction | None
     slack: tuple[float, ...]
@@ -170,6 +173,11 @@ class _Fit:
 
     def run(self) -> StudyFit:
         """Fit the frames before the cut, see how they predict the rest, then fit all frames."""
+        if self.options.holdout is not None:
+            self.share, self.step = (0.0, 0.85), "fitting the frames before those held out"
+            held = [self.options.holdout] * len(self.study.runs)
+            found = self.fitted([_before(r.tracks, self.options.holdout) for r in self.study.runs])
+            return self.report(found, found, held)
         cuts = [_cut(run.tracks, self.options.share) for run in self.study.runs]
         early: _Found | None = None
         if any(c is not None for c in cuts) and self.options.method == "least_squares":
@@ -308,7 +316,8 @@ class _Fit:
         if block.link is not None:
             start, joint = self._through(found, drawn, run, r, joint)
         world = _written(start, {path: float(v[0]) for path, v in joint.items()})
-        accuracy = _accuracy(world, run.tracks)
+        shown = run.tracks if self.options.holdout is None else _before(run.tracks, self.options.holdout)
+        accuracy = _accuracy(world, shown)
         prediction, held_out = None, None
         if early is not None and first is not None and cut is not None:
             own = early.problem.runs[r][-1]
@@ -316,9 +325,10 @@ class _Fit:
             prediction = predicted(own, _members(early, first, r, -1), run, self.sigma[r], cut, early.begins(r), names)
             before = {path: float(v[0]) for path, v in _members(early, [], r, 0).items()}
             held_out = _accuracy(_written(early.problem.runs[r][0].world, before), run.tracks, cut)
-        frames = (int(run.tracks.frames[0]), int(run.tracks.frames[-1]))
+        frames = (int(shown.frames[0]), int(shown.frames[-1]))
         slack = found.problem.slacks(found.minimum.point, r)
-        return FittedRun(run.name, world, start, joint, accuracy, held_out, prediction, slack, frames)
+        started = _accuracy(run.world, shown)
+        return FittedRun(run.name, world, start, joint, accuracy, started, held_out, prediction, slack, frames)
 
     def _through(
         self, found: _Found, drawn: list[tuple[_Found, Posterior]], run: StudyRun, r: int, joint: dict[str, Array]
@@ -429,6 +439,10 @@ def _cut(tracks: ObservedTracks, share: float) -> int | None:
     count = len(tracks.frames)
     left = round(share * count)
     return int(tracks.frames[count - left]) if left >= 2 and count - left >= 8 else None
+
+
+def _before(tracks: ObservedTracks, frame: int) -> ObservedTracks:
+    return tracks.window(int(tracks.frames[0]), frame - 1)
 
 
 def _written(world: World, values: dict[str, float]) -> World:

@@ -128,7 +128,7 @@ class Machines:
         machine = self._known.setdefault(key, Machine(world, alone))
         if machine.world is not world and machine._scheduled is not None:
             machine._scheduled = None  # one more list of instants
-        constants = {}
+        constants: dict[str, float] = {}
         if machine.world is not world:
             for item, other in zip(world.objects, machine.world.objects, strict=True):
                 for name in STATE_FIELDS:

@@ -90,9 +90,9 @@ def sample(
     else:
         shared = np.zeros((count, 0))
     states = []
-    for run, own, answer, width in zip(problem.runs, found.point.states, answers, widths, strict=True):
-        centre_states = np.concatenate(own) if own else np.zeros(0)
-        moved = centre_states + (shared - centre) @ answer.T + rng.standard_normal((count, width.shape[1])) @ width.T
+    for run, parts, answer, width in zip(problem.runs, found.point.states, answers, widths, strict=True):
+        first = np.concatenate(parts) if parts else np.zeros(0)
+        moved = first + (shared - centre) @ answer.T + rng.standard_normal((count, width.shape[1])) @ width.T
         cuts = np.cumsum([b.states.count for b in run])[:-1]
         states.append(tuple(np.split(moved, cuts, axis=1)))
     return Posterior(shared, tuple(states), float(1.0 / (weights**2).sum()) if s else float(count))

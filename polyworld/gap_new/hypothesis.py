@@ -118,7 +118,7 @@ class Hypothesis:
 
     def possible(self, values: Array, settings: GapSettings) -> bool:
         """Return whether places are within reach and strengths within what physics makes possible."""
-        width = np.array([np.inf if u.plausible is None else u.plausible for u in self.unknowns])
+        width = self.widths(settings)
         start = np.array([u.start for u in self.unknowns])
         return bool(np.all(np.abs(values - start) <= settings.plausible * width))
 

@@ -14,6 +14,8 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from polyworld.data.recording import Recording
 from polyworld.gap_new.candidate import Candidate
 from polyworld.estimation.unknown import Unknown
@@ -27,9 +29,11 @@ from polyworld.gap_new.search import Search
 from polyworld.gap_new.set_aside import Aside, outlying, without_runs
 from polyworld.gap_new.settings import GapSettings
 from polyworld.gap_new.verdict import Verdict, decide
-from polyworld.screening import screen
+from polyworld.screening import Screening, screen
 from polyworld.world import World
 
+COARSE = 32  # samples of a run on which its turning points are counted
+TURNS = 3  # from which on a motion passes places again
 PASSES = 3  # of the search, each without the runs that the one before could not predict
 
 
@@ -70,7 +74,7 @@ def find_gap(
     screening = screen(world, recording)
     ground = ground_of(world, recording, settings)
     search, aside = _search(ground, library, Hypothesis(world, tuple(base)), report, stopped)
-    verdict = decide(search.pool, search.null, search.share)
+    verdict = decide(search.pool, search.null, search.share, _one_course(screening, recording))
     sealed: SealedGap | None = None
     if held_out is not None:
         sealed = sealed_gap(search.null, verdict.best, held_out)
@@ -128,3 +132,19 @@ def _lowered(verdict: Verdict, sealed: SealedGap, settings: GapSettings) -> Verd
         reason = f"the sealed runs are {sealed.before:.1f} standard deviations of the noise off"
         return replace(verdict, kind="unexplained", reasons=(*verdict.reasons, reason))
     return verdict
+
+
+def _one_course(screening: Screening, recording: Recording) -> bool:
+    """Return whether all runs repeat one motion, and it passes no place twice."""
+    if screening.distinct_courses > 1:
+        return False
+    for run in recording.runs:
+        places = run.positions.reshape(len(run.times), -1)
+        places = places[:, np.isfinite(places).all(axis=0)]
+        if not places.shape[1]:
+            return False
+        along = places[:, int(np.argmax(np.ptp(places, axis=0)))]
+        coarse = along[:: max(1, len(along) // COARSE)]
+        if np.sum(np.diff(np.sign(np.diff(coarse))) != 0) >= TURNS:
+            return False
+    return True

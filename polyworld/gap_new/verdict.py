@@ -38,10 +38,16 @@ class Verdict:
     reasons: tuple[str, ...] = ()
 
 
-def decide(pool: Sequence[Fitted], null: Fitted, share: float) -> Verdict:
-    """Decide on a pool of hypotheses that are scored alike."""
+def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool = False) -> Verdict:
+    """Decide on a pool of hypotheses that are scored alike.
+
+    one_course: whether all runs repeat one motion that passes no place twice. Place, time and speed are one variable
+    then: no law of a place or a clock can be named, and plain laws compete unless one halves the other's error.
+    """
     settings = null.ground.settings
     trusted = credible(pool, null)
+    if one_course:
+        trusted = [f for f in trusted if not any(p.stands_in for p in f.hypothesis.parts)]
     if null not in trusted:
         trusted.append(null)
     choice = choose(trusted, settings, share)
@@ -56,9 +62,16 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float) -> Verdict:
         if named is choice.chosen and len(gains) >= settings.core * len(drawn) and much:
             named = max(gains, key=lambda f: sum(g is f for g in gains))
     rivals = [f for f in choice.near if _competes(f, named)]
+    if one_course and named is not null:
+        likely = [f for f in trusted if settings.halved * typical_error(f) < typical_error(named)]
+        likely = [f for f in likely if all(p.candidate.plain for p in f.hypothesis.parts) and f is not null]
+        rivals += [f for f in likely if _competes(f, named) and not any(f is g for g in rivals)]
     stable = float(np.mean([named.hypothesis.names <= f.hypothesis.names for f in drawn]))
     before, after = typical_error(null), typical_error(named)
-    kind, reasons = _kind(named, null, rivals, stable)
+    if stable < 1.0 - settings.share and not rivals:
+        others = {id(f): f for f in drawn if not named.hypothesis.names <= f.hypothesis.names}
+        rivals = sorted(others.values(), key=lambda f: f.total)[:4]
+    kind, reasons = _kind(named, null, rivals)
     return Verdict(kind, named, tuple(rivals), frequency, stable, before, after, share, reasons)
 
 
@@ -89,10 +102,16 @@ def _competes(other: Fitted, named: Fitted) -> bool:
         other is not named
         and other.simplicity <= named.simplicity + 1.0 + 1e-6
         and not named.hypothesis.names <= other.hypothesis.names
+        and _distinguished(other) != _distinguished(named)
     )
 
 
-def _kind(named: Fitted, null: Fitted, rivals: Sequence[Fitted], stable: float) -> tuple[Kind, tuple[str, ...]]:
+def _distinguished(fitted: Fitted) -> frozenset[str]:
+    """Return the names of effects, one for those that the design cannot distinguish by construction."""
+    return frozenset(min(p.candidate.name, *p.variant.same_as) for p in fitted.hypothesis.parts)
+
+
+def _kind(named: Fitted, null: Fitted, rivals: Sequence[Fitted]) -> tuple[Kind, tuple[str, ...]]:
     settings = null.ground.settings
     before, after = typical_error(null), typical_error(named)
     quiet = after < settings.near_noise or after * relative_noise(named) < settings.negligible
@@ -110,8 +129,6 @@ def _kind(named: Fitted, null: Fitted, rivals: Sequence[Fitted], stable: float) 
     closed = np.sqrt(max(after**2 - 1.0, 0.0)) / max(np.sqrt(max(before**2 - 1.0, 0.0)), 1e-12)
     if closed > settings.closed:
         return "unexplained", (f"the best law found leaves {100.0 * closed:.0f}% of the held-out gap",)
-    if stable < 1.0 - settings.share and len(named.ground.recording.runs) >= settings.fewest_runs:
-        return "unexplained", (f"only {100.0 * stable:.0f}% of bootstraps over runs choose it",)
     return "identified_with_remainder", ()
 
 

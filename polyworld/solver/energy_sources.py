@@ -96,9 +96,20 @@ def work(world: World, motion: Trajectory, masses: Array) -> Array:
             parameters = {n: effect.parameters.get(n, q.default) for n, q in CATALOGUE[effect.kind].parameters.items()}
             for name in effect.objects or motion.names:
                 k = motion.index(name)
+                if effect.kind == "collision_slack":
+                    total += _pulse(parameters, motion, k)
+                    continue
                 reach = float(np.nanmax(np.linalg.norm(motion.positions[:, k], axis=1), initial=0.0))
                 total += _force(effect.kind, parameters, float(masses[k]), reach, world) * ways[:, k]
     return BETWEEN * total
+
+
+def _pulse(p: dict[str, float], motion: Trajectory, k: int) -> float:
+    """Most work of an impulse on a body [J]: at its highest speed, linear and angular."""
+    fastest = float(np.nanmax(np.linalg.norm(motion.velocities[:, k], axis=1), initial=0.0))
+    spun = float(np.nanmax(np.linalg.norm(motion.angular_velocities[:, k], axis=1), initial=0.0))
+    linear = sum(abs(p[f"impulse_{axis}"]) for axis in "xyz")
+    return linear * fastest + sum(abs(p[f"turn_{axis}"]) for axis in "xyz") * spun
 
 
 def _upper(velocities: Array) -> Array:

@@ -15,7 +15,7 @@ DISC = {"kind": "cylinder", "radius": 0.1, "half_height": 0.05}
 MEETING = 0.8  # [s]: 1 m between the centres, less two radii, at 1 m/s without friction
 FRICTION = 0.1
 HIT = {"predicate": "collides", "a": "striker", "b": "target"}
-QUICK = {"each": ["friction"], "shared": [], "generations": 4, "population": 16, "restarts": 1}
+QUICK = {"method": "least_squares"}
 
 
 def discs(name: str = "discs", **more: Any) -> dict[str, Any]:

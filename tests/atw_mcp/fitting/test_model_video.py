@@ -16,7 +16,7 @@ from tests.real_data import FOLDER, needs
 
 BALL = {"kind": "sphere", "radius": 0.09}  # 9 px at 100 px a metre
 LENGTH = {"first_pixel": [20, 60], "second_pixel": [120, 60], "length": 1.0, "view": "top"}
-QUICK = {"generations": 4, "population": 16, "restarts": 1}
+QUICK = {"method": "least_squares"}
 PAIR = [{"name": "left", "color": "red", "shape": BALL, "mass": 1.0}, {"name": "right", "color": "blue", "shape": BALL}]
 
 

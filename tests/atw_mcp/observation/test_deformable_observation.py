@@ -104,9 +104,6 @@ def test_a_rope_in_a_video_is_noticed_measured_built_and_fitted(session: Session
         case=case,
         world=built["data"]["world"],
         materials=["linear_damping"],
-        generations=6,
-        population=16,
-        restarts=1,
         patience_seconds=300,
     )
     assert "standard deviations" in fitted["summary"]
@@ -137,14 +134,11 @@ def test_measured_points_join_the_tracks_and_are_fitted(session: Session, tmp_pa
         world=built["data"]["world"],
         materials=["linear_damping", "bending_stiffness"],
         holdout_from=16,
-        generations=8,
-        population=16,
-        restarts=1,
         patience_seconds=300,
     )
     values = {v["name"]: v for v in fitted["data"]["values"]}
     assert values["cord.linear_damping"]["value"] == pytest.approx(DAMPING, abs=0.1)
-    assert "on the frames held out" in fitted["summary"]
+    assert fitted["data"]["position_rmse_held_out"] is None  # shapes alone were measured
     assert fitted["data"]["shape_rmse"]["cord"]["centreline"] < 0.02  # m; the rope swings through more than a metre
     series = tmp_path / "tension.csv"
     series.write_text("frame,object,quantity,value,sigma\n0,cord,tension,0.1,0.05\n5,cord,tension,0.6,0.05\n")

@@ -40,7 +40,7 @@ def fit(folder: Path) -> dict[str, Any]:
     session("OpenCase", data=str(path), name="slide")
     session("ImportObservation", case="slide", kind="tracks", path=str(path), position_sigma=SIGMA)
     session("BuildWorld", case="slide", default_shape={"kind": "box", "half_extents": [0.05, 0.05, 0.05]})
-    fitted = session("FitWorld", case="slide", each=["friction"], shared=[], restarts=2, patience_seconds=300)
+    fitted = session("FitWorld", case="slide", patience_seconds=300)
     session("CommitWorld", case="slide", world=fitted["data"]["world"])
     return fitted
 
@@ -239,7 +239,7 @@ def test_the_members_of_a_world_that_got_a_law_of_resistance_have_it(tmp_path: P
     session("OpenCase", data=str(path), name="throw")
     session("ImportObservation", case="throw", kind="tracks", path=str(path))
     session("BuildWorld", case="throw", objects=[{"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}}])
-    fitted = session("FitWorld", case="throw", method="prefixes", patience_seconds=300)
+    fitted = session("FitWorld", case="throw", patience_seconds=300)
     assert [law["name"] for law in fitted["data"]["resistance"] if law["kept"]] == ["quadratic_damping"]
     assert session("InspectWorld", case="throw")["data"]["world"] == fitted["data"]["world"]  # the latest draft
     session("CommitWorld", case="throw", world=fitted["data"]["world"])
