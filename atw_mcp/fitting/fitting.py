@@ -139,7 +139,7 @@ def edited(world: World, overrides: Sequence[Override], declared: list[Unknown])
     for override in overrides:
         if override.fixed:
             continue
-        usual = flat(world, override.paths, "+".join(override.paths))
+        usual = flat(world, override.paths, "+".join(path.removeprefix("objects.") for path in override.paths))
         lower = usual.lower if override.lower is None else override.lower
         upper = usual.upper if override.upper is None else override.upper
         found.append(_searched(usual, lower, upper, override.prior))

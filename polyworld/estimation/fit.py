@@ -28,7 +28,7 @@ from polyworld.estimation.stretches import Stretch, stretches
 from polyworld.estimation.study import Study, StudyRun
 from polyworld.estimation.support import supports, with_supports
 from polyworld.estimation.unknown import Unknown
-from polyworld.estimation.whole_run import NAME, held, with_slack
+from polyworld.estimation.whole_run import through
 from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
@@ -259,10 +259,11 @@ class _Fit:
         blocks = []
         for part in parts:
             world = with_supports(part.world, part.tracks) if self.options.states else part.world
+            world = _coarser(world, self.settings.descent.substep)
             part = replace(part, world=world)
             states = initial_state(part, self.settings.priors, rolling, free=self.options.states)
             readout = TracksReadout(world, part.tracks, sigma)
-            blocks.append(Block(run.name, world, sample_times(world, part.tracks), readout, states, part.link))
+            blocks.append(Block(run.name, world, sample_times(world, part.tracks), readout, states, part.link, groups=part.groups))
         return blocks
 
     # -- report --------------------------------------------------------------------------------------------------
@@ -311,10 +312,10 @@ class _Fit:
         first: list[tuple[_Found, Posterior]] | None,
         cut: int | None,
     ) -> FittedRun:
-        block = found.problem.runs[r][0]
-        joint, start = _members(found, drawn, r, 0), block.world
-        if block.link is not None:
-            start, joint = self._through(found, drawn, run, r, joint)
+        blocks = found.problem.runs[r]
+        first_world = blocks[0].world.model_copy(update={"time": run.world.time})
+        led = through(first_world, blocks, [_members(found, drawn, r, b) for b in range(len(blocks))])
+        start, joint = led.world, led.overrides
         world = _written(start, {path: float(v[0]) for path, v in joint.items()})
         shown = run.tracks if self.options.holdout is None else _before(run.tracks, self.options.holdout)
         accuracy = _accuracy(world, shown)
@@ -329,30 +330,6 @@ class _Fit:
         slack = found.problem.slacks(found.minimum.point, r)
         started = _accuracy(run.world, shown)
         return FittedRun(run.name, world, start, joint, accuracy, started, held_out, prediction, slack, frames)
-
-    def _through(
-        self, found: _Found, drawn: list[tuple[_Found, Posterior]], run: StudyRun, r: int, joint: dict[str, Array]
-    ) -> tuple[World, dict[str, Array]]:
-        """Replace links by pulses that change velocities, so that one start leads through the whole run.
-
-        Returns the world with them, and the overrides with its minimum in place of that of the stretches. Constants
-        are held near what the stretches say.
-        """
-        at = found.minimum.point
-        slack = with_slack(run.world, found.problem.runs[r], at.shared, at.states[r], self.settings.links)
-        shared = [*held(found.problem.shared, at.shared, drawn[0][1].shared.std(axis=0)), *slack.unknowns]
-        blocks = self._blocks(r, replace(run, world=slack.world), found.rolling, cut=False)
-        problem = Problem([blocks], shared, self.settings.descent)
-        own, start = blocks[0], problem.start()
-        same = found.problem.runs[r][0].states.labels == own.states.labels
-        at = Point(start.shared, ((at.states[r][0],),) if same else start.states)
-        minimum = problem.fit(at, cancelled=self._cancelled)
-        self.rollouts += problem.rollouts
-        best = own.overrides(minimum.point.shared[None], minimum.point.states[0][0][None])
-        count = len(next(iter(joint.values())))
-        pulses = {path: np.full(count, v[0]) for path, v in best.items() if path.startswith(f"effects.{NAME}")}
-        kept = {path: np.concatenate([best.get(path, v[:1]), v[1:]]) for path, v in joint.items()}
-        return own.world, kept | pulses
 
     def _watched(self, problem: Problem) -> Callable[[float, float], None]:
         def watched(share: float, cost: float) -> None:
@@ -398,6 +375,13 @@ class _Found:
     def begins(self, r: int) -> float:
         """When the last stretch of a run begins [s]."""
         return float(sum(b.link.time for b in self.problem.runs[r] if b.link is not None))
+
+
+def _coarser(world: World, substep: float) -> World:
+    """Return a spatial world of rigid bodies with longer steps, which change where they go by less than is measured."""
+    if world.planar or world.coupled or world.joints or world.time.substep >= substep:
+        return world
+    return world.model_copy(update={"time": world.time.model_copy(update={"substep": substep})})
 
 
 def _tolerant(run: StudyRun, noise: Array, share: float) -> Array:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from polyworld.estimation.declared import bounds_in_coordinates
 from polyworld.estimation.fit_settings import DescentSettings
 from polyworld.estimation.machines import Machines
-from polyworld.estimation.problem import Block, Evaluated, evaluate, link_start
+from polyworld.estimation.problem import Block, Evaluated, Flags, Ints, evaluate, link_start
 from polyworld.estimation.unknown import Unknown
 
 Array = NDArray[np.float64]
@@ -161,8 +161,12 @@ class Problem:
         return found
 
     def linearised(self, at: Point, most: float) -> list[Linearised]:
-        """Return residuals and slopes of every block, by central differences in one batch."""
-        settings, widths = [], []
+        """Return residuals and slopes of every block, by central differences in one batch.
+
+        Coordinates that move bodies of different groups are varied together (Curtis, Powell & Reid 1974, J. Inst. Maths
+        Applics 13, 117).
+        """
+        settings, plans = [], []
         s = len(at.shared)
         for run, own in zip(self.runs, at.states, strict=True):
             for block, states in zip(run, own, strict=True):
@@ -171,20 +175,28 @@ class Problem:
                 centre = np.concatenate([at.shared, states])
                 up = np.minimum(centre + steps, np.concatenate([self.upper, np.full(n, np.inf)]))
                 down = np.maximum(centre - steps, np.concatenate([self.lower, np.full(n, -np.inf)]))
-                index = np.arange(s + n)
-                points = np.repeat(centre[None], 2 * (s + n) + 1, axis=0)
-                points[1 + index, index], points[1 + s + n + index, index] = up, down
+                index, touched = np.arange(s + n), block.touched(self.shared)
+                colour = _coloured(touched)
+                count = int(colour.max(initial=-1)) + 1
+                points = np.repeat(centre[None], 2 * count + 1, axis=0)
+                points[1 + colour, index], points[1 + count + colour, index] = up, down
                 settings.append((block, points[:, :s], points[:, s:]))
-                widths.append((up - down)[:, None])
+                plans.append((block, (up - down)[:, None], touched, colour, count))
         found = []
-        for one, width in zip(self.evaluate(settings, most), widths, strict=True):
-            n = len(width)
-            slopes = ((one.residuals[1 : 1 + n] - one.residuals[1 + n :]) / width).T
+        for one, (block, width, touched, colour, count) in zip(self.evaluate(settings, most), plans, strict=True):
+            groups = None if touched.shape[1] == 1 else block.owned(most, one.end is not None)
+
+            def slopes(values: Array, column: int) -> Array:
+                change = (values[1 : 1 + count] - values[1 + count :])[colour] / width  # noqa: B023
+                found: Array = (change if groups is None else change * touched[:, groups[column]]).T  # noqa: B023
+                return found
+
             end = None
             if one.end is not None:
-                of_end = ((one.end[1 : 1 + n] - one.end[1 + n :]) / width).T
+                of_end = slopes(one.end, 1)
                 end = (one.end[0], of_end[:, :s], of_end[:, s:])
-            found.append(Linearised(one.residuals[0], slopes[:, :s], slopes[:, s:], end))
+            every = slopes(one.residuals, 0)
+            found.append(Linearised(one.residuals[0], every[:, :s], every[:, s:], end))
         return found
 
     def step(self, normal: Normal, at: Point, damping: float) -> Point:
@@ -325,6 +337,19 @@ class Problem:
                 start, _ = link_start(run[b + 1], run[b], states[b + 1][None])
                 found.append(float(np.sqrt(np.mean((one.end - start) ** 2))))
         return tuple(found)
+
+
+def _coloured(touched: Flags) -> Ints:
+    """Return a colour for every coordinate (K,), such that none moves a group (K, G) that another of its colour does."""
+    used: list[Flags] = []
+    found = np.zeros(len(touched), dtype=np.int64)
+    for i, row in enumerate(touched):
+        free = next((c for c, taken in enumerate(used) if not (taken & row).any()), len(used))
+        if free == len(used):
+            used.append(np.zeros(len(row), dtype=bool))
+        used[free] = used[free] | row
+        found[i] = free
+    return found
 
 
 def _huber(residuals: Array, threshold: float) -> Array:

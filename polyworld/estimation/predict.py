@@ -63,7 +63,8 @@ def predicted(
     begin: float,
     shared: Mapping[str, Array],
 ) -> Prediction | None:
-    """Roll the members of a posterior out over the frames left out and beyond; None where most of them diverge.
+    """Roll the members of a posterior out over the frames left out and beyond; None where most of them diverge, or no
+    rigid body was observed.
 
     block: the run's last stretch, which begins at `begin` [s]; overrides: path -> values (N,); shared: constants (N,).
     """
@@ -111,6 +112,8 @@ def predicted(
                 item.name, float(np.sqrt(np.mean(apart**2))), float(apart[-1]), stays, noise, spread, decided
             )
         )
+    if not bodies:
+        return None
     return Prediction(cut, tuple(bodies), float(np.concatenate(inside).mean()) if inside else np.nan)
 
 

@@ -20,6 +20,8 @@ from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 LOST = 1e3  # standard deviations that a residual counts whose rollout diverges
 
@@ -48,7 +50,8 @@ class Block:
 
     times (T,) [s]: instants at which it was measured, since its start. observed_by: path -> parameters (k,) of worlds
     that follow from others, such as a clock's; None where nothing does. observer: (motion, parameters `observer.*`
-    (k,)) -> the motion as it is observed; None where it is as it was.
+    (k,)) -> the motion as it is observed; None where it is as it was. groups: a partition of the bodies into those that
+    may act on one another; () where all may.
     """
 
     name: str
@@ -59,6 +62,7 @@ class Block:
     link: Link | None = None
     derive: Callable[[dict[str, Array]], Mapping[str, Array]] | None = None
     observer: Callable[[BatchTrajectory, Mapping[str, Array]], BatchTrajectory] | None = None
+    groups: tuple[frozenset[str], ...] = ()
     seat: Seat = field(init=False, repr=False)
     _terms: dict[str, list[tuple[int, float, bool]]] = field(init=False, repr=False)
 
@@ -74,6 +78,27 @@ class Block:
                 if path in known and u.run in (None, self.name):
                     self._terms.setdefault(path, []).append((i, power, u.scale == "log"))
         self._limits = {path: (known[path].lower, known[path].upper) for path in self._terms}
+
+    def touched(self, shared: Sequence[Unknown]) -> Flags:
+        """Return which groups (S + N, G) every coordinate moves: all where it is not of certain bodies alone."""
+        found = np.ones((len(shared) + self.states.count, max(len(self.groups), 1)), dtype=bool)
+        if len(self.groups) > 1:
+            for row, u in zip(found, shared, strict=False):
+                parts = [path.split(".") for path in u.paths]
+                if all(p[0] == "objects" for p in parts):
+                    row[:] = [any(p[1] in group for p in parts) for group in self.groups]
+            for row, label in zip(found[len(shared) :], self.states.labels, strict=True):
+                own = [label.rsplit(".", 1)[0] in g or label.split(".")[0] in g for g in self.groups]
+                if any(own):
+                    row[:] = own
+        return found
+
+    def owned(self, most: float, link: bool) -> tuple[Ints, Ints]:
+        """Return the group to which every residual (m,) belongs, and every component (q,) of the link's end."""
+        index = {name: i for i, group in enumerate(self.groups) for name in group}
+        owners = self.readout.owners(self.samples(most))  # type: ignore[attr-defined]
+        ends = np.repeat([index[n] for n in self.link.place], 6) if self.link and link else np.zeros(0)
+        return np.array([index[n] for n in owners], dtype=np.int64), ends.astype(np.int64)
 
     @property
     def size(self) -> int:

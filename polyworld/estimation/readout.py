@@ -241,3 +241,11 @@ class TracksReadout:
             own = e.standardised(batch, samples) * np.sqrt(e.weight[:n])[:, None]
             found.append(own.reshape(len(own), -1))
         return np.concatenate(found, axis=1)
+
+    def owners(self, samples: int) -> list[str]:
+        """Return the object to which each residual (m,) belongs."""
+        found: list[str] = []
+        for e in self.entries:
+            own = e.owner[: e.before(samples)]
+            found += [e.names[i] for i in np.repeat(own, e.components)]
+        return found

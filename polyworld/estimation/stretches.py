@@ -18,6 +18,9 @@ from polyworld.world import World, geometry
 
 Array = NDArray[np.float64]
 
+ALONE = ("quadratic_damping", "collision_slack")  # effects that act on every body by itself
+NEAR = 4.0  # standard deviations of the noise by which bodies may be nearer than their tracks
+
 
 @dataclass(frozen=True)
 class Link:
@@ -39,6 +42,7 @@ class Stretch:
 
     run: index. begin [s]: when it begins, in the run's time. world: in which objects start as the tracks begin. tracks:
     with frames counted from that start. link: to the next stretch; None for the last. carried: whether another precedes.
+    groups: bodies that may act on one another until the next stretch begins, by where tracks have them; () if all may.
     """
 
     run: int
@@ -47,6 +51,7 @@ class Stretch:
     tracks: ObservedTracks
     link: Link | None
     carried: bool = False
+    groups: tuple[frozenset[str], ...] = ()
 
 
 def velocity_jumps(
@@ -92,7 +97,7 @@ def collisions(
         apart = tracks.positions[rows, tracks.index(a)] - tracks.positions[rows, tracks.index(b)]
         moved = np.abs(np.diff(apart, axis=0)).max(initial=0.0)
         nearest = np.nanmin(np.linalg.norm(apart, axis=1), initial=np.inf)
-        return bool(nearest < reach[a] + reach[b] + moved + 4.0 * float(noise.max()))
+        return bool(nearest < reach[a] + reach[b] + moved + NEAR * float(noise.max()))
 
     def within(rows: range) -> list[tuple[int, tuple[str, ...]]]:
         gains = velocity_jumps(tracks, step, noise, rows, settings)
@@ -152,7 +157,34 @@ def stretches(
         place = {n: settings.place if n in who else settings.close for n in shared}
         velocity = {n: max(settings.jump * jump, settings.near) if n in who else settings.near for n in shared}
         found[i] = replace(here, link=Link(later.begin - here.begin, place, velocity, who))
-    return tuple(found)
+    ends = [*(s.begin for s in found[1:]), np.inf]
+    return tuple(replace(s, groups=together(world, tracks, noise, s.begin, end)) for s, end in zip(found, ends, strict=True))
+
+
+def together(world: World, tracks: ObservedTracks, noise: Array, begin: float, end: float) -> tuple[frozenset[str], ...]:
+    """Partition rigid bodies by who may touch whom between two times [s], as their tracks have it.
+
+    () where joints, effects or bodies without a track may tie them, or other than rigid ones move.
+    """
+    bodies = [o.name for o in world.objects]
+    if world.coupled or world.joints or world.deformables or any(e.kind not in ALONE for e in world.effects):
+        return ()
+    if not set(bodies) <= set(tracks.names):
+        return ()
+    reach = {o.name: geometry.circumscribed_radius(o.shape) for o in world.objects}
+    step = world.time.seconds_per_frame
+    rows = np.flatnonzero((tracks.frames * step >= begin - 1e-9) & (tracks.frames * step <= end + 1e-9))
+    groups = [frozenset([n]) for n in bodies]
+    for i, a in enumerate(bodies):
+        for b in bodies[:i]:
+            apart = tracks.positions[rows, tracks.index(a)] - tracks.positions[rows, tracks.index(b)]
+            seen = apart[np.isfinite(apart).all(axis=1)]
+            moved = float(np.linalg.norm(np.diff(seen, axis=0), axis=1).max(initial=0.0))
+            nearest = float(np.linalg.norm(seen, axis=1).min(initial=np.inf))
+            if len(seen) < len(rows) or nearest < reach[a] + reach[b] + moved + NEAR * float(noise.max()):
+                both = [g for g in groups if a in g or b in g]
+                groups = [*(g for g in groups if g not in both), frozenset().union(*both)]
+    return tuple(groups)
 
 
 def _carried_on(before: Stretch, world: World, part: ObservedTracks, time: float) -> World:

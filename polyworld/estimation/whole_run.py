@@ -1,91 +1,86 @@
-"""Lead one start through a whole run: pulses at its collisions take the place of links between stretches."""
+"""Lead starts through a whole run: pulses at its collisions take the place of links between stretches."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.fit_settings import LinkSettings
 from polyworld.estimation.problem import Block
-from polyworld.estimation.starts import free_axes
-from polyworld.estimation.unknown import Unknown
 from polyworld.solver.rollout import simulator
 from polyworld.world import Effect, World, geometry
 from polyworld.world.parameters import object_mass
+from polyworld.world.representations.rigid import RigidObject
 
 Array = NDArray[np.float64]
+Values = Mapping[str, Array]
 
 NAME = "slack_"  # begins the names of such effects
-FARTHEST = 100.0  # standard deviations that bound a pulse
 
 
 @dataclass(frozen=True)
-class Slack:
-    """World with pulses that do nothing yet, and the unknowns that they are, which start where stretches have them."""
+class Through:
+    """World with pulses, and parameters (N,) by path with which its members run through every stretch."""
 
     world: World
-    unknowns: tuple[Unknown, ...]
+    overrides: dict[str, Array]
 
 
-def with_slack(
-    world: World, blocks: Sequence[Block], shared: Array, states: Sequence[Array], settings: LinkSettings
-) -> Slack:
-    """Add a pulse for every body of every collision of a run, sized by what its link leaves at shared (S,) and states.
+def through(world: World, blocks: Sequence[Block], members: Sequence[Values]) -> Through:
+    """Add two pulses for every body of every collision of a run, sized by what the link leaves for every member.
 
-    Its prior is that of the link: a share of the change of velocity.
+    world: of the first stretch; members: parameters (N,) by path of each stretch, of the same N members. The first pulse brings a body to speed and
+    on its way to the place where the next stretch begins; the second, one duration later, stops what was for the place.
     """
-    effects, unknowns, begin = list(world.effects), [], 0.0
+    joint, begin = dict(members[0]), 0.0
     for number, (block, later) in enumerate(zip(blocks[:-1], blocks[1:], strict=True), start=1):
         link = block.link
         assert link is not None
         begin += link.time
-        end = simulator(block.world, np.array([link.time])).run(block.overrides(shared[None], states[number - 1][None]))
-        starts = later.overrides(shared[None], states[number][None])
+        length = max(0.5 * world.time.seconds_per_frame, 2.0 * world.time.substep)
+        count = len(next(iter(joint.values())))
+        end = simulator(world, np.array([begin]), n_worlds=count).run(joint)
+        added: list[Effect] = []
+        pulses: dict[str, Array] = {}
         for name in link.who:
-            column = end.names.index(name)
-            speeds = _change(later.world, starts, name, "velocity", end.velocities[0, -1, column])
-            spins = _change(later.world, starts, name, "angular_velocity", end.angular_velocities[0, -1, column])
-            item = world.object(name)
-            mass = object_mass(item)
-            inertia = mass * float(np.trace(geometry.mass_properties(item.shape).inertia)) / 3.0
-            inertia /= geometry.mass_properties(item.shape).volume
-            effect = f"{NAME}{number}_{name}"
-            times = {
-                "time": world.time.origin + begin,
-                "duration": max(world.time.seconds_per_frame, 2.0 * world.time.substep),
-            }
-            effects.append(Effect(name=effect, kind="collision_slack", parameters=times, objects=(name,)))
-            sd = mass * link.velocity[name]
-            unknowns += [
-                _unknown(effect, f"impulse_{a}", mass * speeds["xyz".index(a)], sd, "N s") for a in free_axes(world)
-            ]
-            normal = geometry.plane_axes(world.environment.motion_plane)[2]
-            about = "xyz"[int(np.argmax(np.abs(normal)))] if world.planar else "xyz"
-            sd = inertia * max(settings.spin, 0.5 * float(np.linalg.norm(spins)))
-            unknowns += [_unknown(effect, f"turn_{a}", inertia * spins["xyz".index(a)], sd, "N m s") for a in about]
-    return Slack(world.model_copy(update={"effects": tuple(effects)}), tuple(unknowns))
+            item, column = world.object(name), end.names.index(name)
+            faster = _missing(later.world, members[number], name, "velocity", end.velocities[:, -1, column])
+            apart = _missing(later.world, members[number], name, "position", end.positions[:, -1, column])
+            spun = _missing(later.world, members[number], name, "angular_velocity", end.angular_velocities[:, -1, column])
+            mass = joint.get(f"objects.{name}.mass", np.full(count, object_mass(item)))[:, None]
+            stopped = mass / length * (apart + 0.5 * length * faster)
+            turned = mass * np.einsum("nij,nj->ni", _inertia(item, end.orientations[:, -1, column]), spun)
+            parts = ((mass * faster + stopped, turned), (-stopped, 0.0 * turned))
+            for k, (impulse, turn) in enumerate(parts):
+                effect = f"{NAME}{number}_{name}" + "_after" * k
+                times = {"time": world.time.origin + begin + k * length, "duration": length}
+                added.append(Effect(name=effect, kind="collision_slack", parameters=times, objects=(name,)))
+                for key, values in (("impulse", impulse), ("turn", turn)):
+                    pulses |= {f"effects.{effect}.{key}_{a}": np.nan_to_num(values[:, i]) for i, a in enumerate("xyz")}
+        world = world.model_copy(update={"effects": (*world.effects, *added)})
+        joint |= pulses
+    return Through(world, joint)
 
 
-def _change(world: World, starts: dict[str, Array], name: str, field: str, before: Array) -> Array:
-    item = world.object(name)
+def _missing(world: World, values: Values, name: str, field: str, before: Array) -> Array:
+    """Return what a field (N, 3) lacks to what a stretch begins with."""
+    own = getattr(world.object(name), field)
     paths = [f"objects.{name}.{field}.{a}" for a in "xyz"]
-    after = [float(starts[p][0]) if p in starts else float(getattr(item, field)[i]) for i, p in enumerate(paths)]
-    change: Array = np.array(after) - before
-    return change
+    after = [values.get(path, np.full(len(before), own[i])) for i, path in enumerate(paths)]
+    normal = geometry.plane_axes(world.environment.motion_plane)[2] if world.planar else np.zeros(3)
+    missing: Array = np.stack(after, axis=1) - before
+    if world.planar:
+        along = (missing @ normal)[:, None] * normal
+        missing = along if field == "angular_velocity" else missing - along
+    return missing
 
 
-def _unknown(effect: str, key: str, start: float, sd: float, unit: str) -> Unknown:
-    limit = FARTHEST * sd
-    start = float(np.clip(start, -limit, limit))
-    return Unknown(f"{effect}.{key}", (f"effects.{effect}.{key}",), unit, start, -limit, limit, sd, prior=(0.0, sd))
-
-
-def held(shared: Sequence[Unknown], at: Array, spread: Array) -> list[Unknown]:
-    """Return constants with priors (S,) about what the stretches say, so that collisions cannot bend them."""
-    return [
-        replace(u, prior=(float(x), max(float(sd), 1e-6)), start=float(np.exp(x)) if u.scale == "log" else float(x))
-        for u, x, sd in zip(shared, at, spread, strict=True)
-    ]
+def _inertia(item: RigidObject, orientations: Array) -> Array:
+    """Return tensors (N, 3, 3) about world axes, of a kilogram."""
+    properties = geometry.mass_properties(item.shape)
+    own = properties.inertia / properties.volume
+    turns = np.stack([geometry.quaternion_matrix(q) for q in np.nan_to_num(orientations)])
+    tensors: Array = turns @ own @ np.swapaxes(turns, 1, 2)
+    return tensors

@@ -26,6 +26,9 @@ from polyworld.world.observer import MARGIN, clock_ratio
 Array = NDArray[np.float64]
 
 CLOCK = "time.seconds_per_frame"
+COARSER = (8.0, 4.0, 2.0)  # times the world's substep
+COARSEST = 0.02  # [s]
+ALIKE = 0.03  # standard deviations of the noise by which a coarser motion may differ
 DESCENT = DescentSettings(dampings=(0.03, 1.0, 30.0, 1000.0))
 
 
@@ -94,8 +97,33 @@ class Ground:
 
 
 def ground_of(world: World, recording: Recording, settings: GapSettings) -> Ground:
-    """Lay a recording out for a world, its noise measured."""
-    return Ground(world, recording, settings, run_noise(recording.runs))
+    """Lay a recording out for a world, its noise measured, at the coarsest substep that moves it alike."""
+    noise = run_noise(recording.runs)
+    recording = Recording(tuple(_thinned(r, settings.samples) for r in recording.runs))
+    ground = Ground(world, recording, settings, noise)
+    reference = _start_residuals(ground)
+    for factor in COARSER:
+        substep = world.time.substep * factor
+        if substep > COARSEST or world.coupled:
+            continue
+        coarse = Ground(world.with_substep(substep), recording, settings, noise)
+        apart = _start_residuals(coarse) - reference
+        if np.isfinite(apart).all() and float(np.sqrt(np.mean(apart**2))) < ALIKE:
+            return coarse
+    return ground
+
+
+def _thinned(run: Run, most: int) -> Run:
+    """Return every few samples of a long run: motion is resolved by far fewer than it takes to measure the noise."""
+    stride = max(1, len(run.times) // most)
+    return run if stride == 1 else run.rows(np.arange(len(run.times)) % stride == 0)
+
+
+def _start_residuals(ground: Ground) -> Array:
+    problem = ground.problem(Hypothesis(ground.world))
+    at = problem.start()
+    jobs = [(run[0], at.shared[None], own[0][None]) for run, own in zip(problem.runs, at.states, strict=True)]
+    return np.concatenate([one.residuals[0] for one in problem.evaluate(jobs, 1.0)])
 
 
 @dataclass(frozen=True)

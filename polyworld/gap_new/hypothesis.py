@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -41,6 +41,11 @@ class Part:
         """Whether it has a place or a clock, by which it bends to what other laws leave."""
         bends = self.candidate.group == "observer" and any(w in self.candidate.name for w in ("distortion", "keystone"))
         return bool(self.variant.idle) or self.candidate.local or bends
+
+    @property
+    def rescales(self) -> bool:
+        """Whether it changes periods, by any factor: starts are compared over a short time, before phases are lost."""
+        return self.candidate.name in ("length_error", "stiffness_error")
 
     @property
     def sudden(self) -> bool:
@@ -145,3 +150,10 @@ def starts_of(hypothesis: Hypothesis) -> Array:
     part = hypothesis.parts[-1]
     rows: Sequence[list[float]] = [[start.get(u.name, u.start) for u in part.shared] for start in part.variant.starts]
     return np.array(rows, dtype=float).reshape(len(rows), len(part.shared))
+
+
+def replace_starts(hypothesis: Hypothesis) -> Hypothesis:
+    """Return the hypothesis whose last part starts at its first start alone."""
+    part = hypothesis.parts[-1]
+    only = replace(part.variant, starts=part.variant.starts[:1])
+    return replace(hypothesis, parts=(*hypothesis.parts[:-1], replace(part, variant=only)))

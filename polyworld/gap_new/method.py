@@ -73,7 +73,7 @@ def find_gap(
 
     screening = screen(world, recording)
     ground = ground_of(world, recording, settings)
-    search, aside = _search(ground, library, Hypothesis(world, tuple(base)), report, stopped)
+    search, aside = _search(ground, library, Hypothesis(ground.world, tuple(base)), report, stopped)
     verdict = decide(search.pool, search.null, search.share, _one_course(screening, recording))
     sealed: SealedGap | None = None
     if held_out is not None:
@@ -90,6 +90,7 @@ def find_gap(
         aside,
         tuple(f.message for f in screening.findings),
         tuple(history),
+        world.time.substep,
         settings.time_limit if search.limited else None,
     )
 

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from polyworld.gap_new.candidate import Candidate
 from polyworld.estimation.least_squares import Point
 from polyworld.gap_new.fitting import Fitted, weights
-from polyworld.gap_new.hypothesis import Hypothesis, extended, starts_of
+from polyworld.gap_new.hypothesis import Hypothesis, extended, replace_starts, starts_of
 
 Array = NDArray[np.float64]
 
+BEGINNINGS = (0.06, 0.12)  # shares of the time over which periods are compared
 ENOUGH = 50.0  # nats against the bare noise from which a start is tried although model error drowns it
 SMALL = 0.3  # of an ordinary change: start of a strength whose slope points beyond its bound
 
@@ -78,6 +79,8 @@ def proposals(parent: Fitted, candidates: Sequence[Candidate], keep: int, share:
                 own.append(Start(hypothesis, _point(parent, hypothesis, np.zeros(0)), np.inf))
             elif any(u.name == "shift_time" for u in part.shared):
                 own += _dropped(parent, hypothesis, projection, keep, share)
+            elif part.rescales:
+                own += _rescaled(parent, hypothesis, keep)
             elif part.sudden:
                 own += _sudden(parent, hypothesis, keep)
             else:
@@ -137,8 +140,10 @@ def _scored(parent: Fitted, hypothesis: Hypothesis, projection: Projection, keep
         found.append(Start(hypothesis, _point(parent, hypothesis, values), gain))
     found.sort(key=lambda s: -s.gain)
     kept = found[: 1 if k == 1 else keep]
-    if part.candidate.plain and len(hypothesis.parts) <= 2:
+    if part.candidate.plain and len(hypothesis.parts) == 1:
         return kept
+    if part.candidate.plain and len(hypothesis.parts) == 2:
+        return [s for s in kept if s.gain >= 2.0]  # what predicts less than a nat is the same as the other
     asked = 2.0 * (settings.nats + hypothesis.cost(settings) - parent.hypothesis.cost(settings) - 1.0)
     first = len(hypothesis.parts) == 1
     drowned = [s for s in kept if first and s.gain * parent.scale**2 >= 2.0 * ENOUGH]
@@ -153,6 +158,22 @@ def _sudden(parent: Fitted, hypothesis: Hypothesis, keep: int) -> list[Start]:
     costs = problem.costs(points, 1.0) / parent.scale**2
     order = np.argsort(costs)[: 2 * keep]
     return [Start(hypothesis, points[i], parent.cost - float(costs[i]), growing=True) for i in order.tolist()]
+
+
+def _rescaled(parent: Fitted, hypothesis: Hypothesis, keep: int) -> list[Start]:
+    """Return the factors on a period that describe the beginning of the data best, from states read off the data."""
+    starts = starts_of(hypothesis)
+    problem = parent.ground.problem(hypothesis)
+    problem.settings = parent.problem.settings
+    fresh = problem.start().states
+    points = [Point(np.concatenate([parent.values, s]), fresh) for s in starts]
+    best: dict[int, float] = {}
+    for share in BEGINNINGS:
+        costs = problem.costs(points, share) / parent.scale**2
+        best.setdefault(int(np.argmin(costs)), float(costs.min()))
+    found = [Start(hypothesis, points[i], np.inf, growing=True) for i in best]
+    slope = _scored(parent, replace_starts(hypothesis), Projection(parent), 1, 1.0)
+    return [*slope, *found][: 1 + keep]
 
 
 def _dropped(parent: Fitted, hypothesis: Hypothesis, projection: Projection, keep: int, share: float) -> list[Start]:

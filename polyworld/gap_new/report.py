@@ -35,6 +35,7 @@ class GapReport:
     set_aside: tuple[Aside, ...]
     cautions: tuple[str, ...]
     history: tuple[dict[str, object], ...]
+    substep: float
     limited: float | None = None
 
     @property
@@ -45,7 +46,8 @@ class GapReport:
     @property
     def world(self) -> World:
         """The child world with the effects, fitted."""
-        return self.verdict.best.hypothesis.fitted_world(self.verdict.best.values)
+        fitted = self.verdict.best.hypothesis.fitted_world(self.verdict.best.values)
+        return fitted.with_substep(self.substep)
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready values; numbers that are not finite become None."""

@@ -77,13 +77,18 @@ class Search:
 
     def _level(self, parents: Sequence[Fitted], candidates: Sequence[Candidate], starts: int) -> list[Fitted]:
         """Fit the hypotheses of one more effect: briefly from their best starts, the better ones to the end."""
-        briefs = []
+        settings = self.ground.settings
+        found: list[Start] = []
         for parent in parents:
             for candidate in candidates:
                 if self.stopped():
                     self.limited = True
                     break
-                briefs += self._brief(proposals(parent, [candidate], starts, self.share))
+                found += proposals(parent, [candidate], starts, self.share)
+        found = [s for s in found if s.hypothesis.key not in self._seen]
+        found.sort(key=lambda s: -s.gain)
+        sure = [s for s in found if s.growing or _expected(s.hypothesis)]
+        briefs = self._brief([*sure, *[s for s in found if not any(s is t for t in sure)][: settings.tried]])
         return self._finished(briefs)
 
     def _brief(self, starts: Sequence[Start]) -> list[Fitted]:
@@ -109,8 +114,8 @@ class Search:
         order = sorted(by.values(), key=lambda f: f.objective)
         if order:  # what gains little beside the best of its kind cannot be the one law that is missing
             most = self.null.objective - min(order[0].objective, self.null.objective)
-            order = [f for f in order if self.null.objective - f.objective >= settings.worth * most or _plain(f)]
-        order = [*order[: settings.tried], *(f for f in order[settings.tried :] if _plain(f))]
+            order = [f for f in order if self.null.objective - f.objective >= settings.worth * most or _expected(f.hypothesis)]
+        order = [*order[: settings.tried], *(f for f in order[settings.tried :] if _expected(f.hypothesis))]
         return [fit(self.ground, f.hypothesis, f.point, False, settings.full, f.scale) for f in order]
 
     def _add(self, new: Sequence[Fitted]) -> None:
@@ -123,5 +128,6 @@ class Search:
         self.pool.sort(key=lambda f: f.total)
 
 
-def _plain(fitted: Fitted) -> bool:
-    return all(p.candidate.plain for p in fitted.hypothesis.parts)
+def _expected(hypothesis: Hypothesis) -> bool:
+    """Return whether it holds one or two plain laws and nothing else."""
+    return len(hypothesis.parts) <= 2 and all(p.candidate.plain for p in hypothesis.parts)

@@ -24,7 +24,8 @@ class GapSettings:
     and the horizontal are known.
 
     Search. depth: most laws together. branches: hypotheses of one depth that are extended. starts: of a law with
-    places that are fitted. tried: hypotheses of one depth that are fitted to the end. brief, full: iterations of both.
+    places that are fitted. tried: hypotheses of one depth that are fitted to the end. brief, full: iterations of both. samples: of a run that are
+    fitted, so that twenty oscillations have a dozen each.
     probe: share of an ordinary change by which score tests displace. worth: share of the best gain in fit that a hypothesis must have to be
     compared by prediction.
 
@@ -51,7 +52,8 @@ class GapSettings:
     depth: int = 3
     branches: int = 2
     starts: int = 2
-    tried: int = 12
+    tried: int = 10
+    samples: int = 250
     brief: int = 4
     full: int = 12
     probe: float = 1e-2

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.world_fit import FitProblem, PosteriorSample, default_unknowns, refine, sample_posterior
 from polyworld.world import Environment, MotionPlane, TimeBase, World
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Box
@@ -58,17 +57,3 @@ def block_tracks(places: NDArray[np.float64], sigma: float) -> ObservedTracks:
 def stopping_distance(friction: float, speed: float) -> float:
     """v^2 / (2 mu g) [m]."""
     return speed**2 / (2.0 * friction * GRAVITY)
-
-
-def fitted_block(
-    friction: float, speed: float, rng: np.random.Generator, *, sigma: float = 0.004, stated: float = 0.004
-) -> tuple[World, World, PosteriorSample]:
-    """The world a fit starts from, the fitted one, and the sample, for noisy tracks of a sliding block."""
-    places = block_places(friction, speed)
-    places[:, :2] += sigma * rng.normal(size=places[:, :2].shape)
-    start, tracks = block_world(0.2, 1.1), block_tracks(places, stated)
-    problem = FitProblem(start, tracks, default_unknowns(start, tracks, shared=(), each=("friction",)))
-    best = refine(problem)
-    sample = sample_posterior(problem, [best], count=40, seed=int(rng.integers(2**31)))
-    assert sample is not None
-    return start, best.world, sample

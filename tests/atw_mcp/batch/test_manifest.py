@@ -41,7 +41,10 @@ def test_cases_keep_their_lines_places_and_paths(tmp_path: Path) -> None:
         ({"id": "a", "video": "v.mp4", "tracks": "t.csv"}, ["video, tracks: give one of them"]),
         ({"id": "a", "video": "v.mp4", "pionts": []}, ["pionts: no such field (did you mean 'points'?)"]),
         ({"id": "a", "tracks": "t", "fit": {"methd": "cem"}}, ["fit.methd: no such field (did you mean 'method'?)"]),
-        ({"id": "a", "tracks": "t", "fit": {"generations": 0}}, ["fit: FitWorld: generations", "greater than or equal to 1"]),
+        (
+            {"id": "a", "tracks": "t", "fit": {"generations": 0}},
+            ["fit: FitWorld: generations", "greater than or equal to 1"],
+        ),
         ({"id": "a", "tracks": "t", "fit": {"seed": 1}}, ["fit.seed: give it as the seed of the case"]),
         ({"id": "a", "fit": {}}, ["fit: not of a case without video or tracks"]),
         ({"id": "a", "floor": [1]}, ["BuildWorld: floor", "`atw-mcp tools BuildWorld`"]),

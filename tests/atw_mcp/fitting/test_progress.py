@@ -1,23 +1,19 @@
-"""Reports of a fit while it runs: steps, errors with units, the best so far; and the curve that its record keeps."""
+"""Reports of a fit while it runs: steps, misfits, the best so far; and the curve that its record keeps."""
 
 from __future__ import annotations
 
 import json
 import re
 
-import numpy as np
 import pytest
 
 from atw_mcp.calls.error_curve import MOST_POINTS, ErrorCurve, in_words
 from atw_mcp.calls.jobs import Progress
-from atw_mcp.fitting.fitting import FitRequest, FitRun, chosen_parameters, digest, run_fit
-from polyworld.estimation.world_fit.problem import FitProblem
-from tests.polyworld.estimation.world_fit.closed_form import observe, thrown_ball
+from atw_mcp.fitting.fitting import FitInput, FitRequest, FitRun, digest, run_fit
+from polyworld.estimation.fit import Method
+from tests.polyworld.estimation.closed_form import observe, thrown_ball
 
-LINE = re.compile(
-    r"(generation \d+ of 6|refining, iteration \d+|start 1 of at most 1, iteration \d+|[a-z ]+, iteration \d+), "
-    r"error [\d.]+ (m|mm|µm), best [\d.]+ (m|mm|µm)( over \d+ of 20 frames)?"
-)
+LINE = re.compile(r"(generation \d+ of 6|fitting [a-z ]+), misfit [\d.e+]+ sigma")
 
 
 class Heard(Progress):
@@ -28,46 +24,40 @@ class Heard(Progress):
         self.__dict__.setdefault("heard", []).append((done, message))
 
 
-def fitted(method: str) -> tuple[FitRun, list[tuple[float, str]], FitProblem]:
+def fitted(method: Method) -> tuple[FitRun, list[tuple[float, str]]]:
     """A ball thrown otherwise than its world says, fitted in few steps."""
     truth = thrown_ball()
     tracks = observe(truth, frames=20, sigma=0.01)
     ball = truth.objects[0].model_copy(update={"velocity": (1.5, 1.2, 2.5)})
     world = truth.model_copy(update={"objects": (ball,)})
-    request = FitRequest(method=method, generations=6, population=16, each=(), shared=())  # type: ignore[arg-type]
     progress = Heard()
-    run = run_fit(world, tracks, chosen_parameters(world, tracks, request), request, progress)
-    return run, progress.__dict__["heard"], FitProblem(world, tracks, chosen_parameters(world, tracks, request))
+    request = FitRequest(method=method, generations=6, population=16)
+    run = run_fit([FitInput("throw", world, tracks)], request, progress)
+    return run, progress.__dict__["heard"]
 
 
-@pytest.mark.parametrize("method", ["cem_refined", "prefixes"])
-def test_a_fit_reports_regular_lines_and_keeps_its_curve(method: str) -> None:
-    run, heard, _ = fitted(method)
-    steps = [message for _, message in heard if "error" in message]
+@pytest.mark.parametrize("method", ["least_squares", "cem"])
+def test_a_fit_reports_regular_lines_and_keeps_its_curve(method: Method) -> None:
+    run, heard = fitted(method)
+    steps = [message for _, message in heard if "misfit" in message]
     assert steps
     assert all(LINE.fullmatch(message) for message in steps), steps
     shares = [share for share, _ in heard]
     assert shares == sorted(shares)
     assert shares[-1] <= 1.0
-    assert run.curve is not None
     assert run.curve.count == len(steps)
-    kept = digest(run)["curve"]
+    kept = digest(run, 0)["curve"]
     assert json.loads(json.dumps(kept, allow_nan=False)) == kept
-    assert kept["unit"] == "m"
+    assert kept["unit"] == "sigma"
     assert kept["steps"] == list(range(1, len(steps) + 1))
-    # The last best is the error of the world that the fit returns, as its own report measures it.
-    assert run.result.accuracy is not None
-    assert kept["best"][-1] == pytest.approx(run.result.accuracy.position, rel=1e-4)
+    assert kept["best"] == sorted(kept["best"], reverse=True)
 
 
-def test_the_error_of_a_trial_is_its_rms_distance_and_losses_are_as_before() -> None:
-    _, _, problem = fitted("cem")
-    at = problem.space.mean[None]
-    judged = problem.judged(at, problem.samples)
-    assert np.array_equal(judged.losses, problem.losses(at, problem.samples))
-    result = problem.finish("refine", "completed", at[0], None, [], 0)
-    assert result.accuracy is not None
-    assert judged.errors[0] == pytest.approx(result.accuracy.position, rel=1e-6)
+def test_a_fit_that_is_cancelled_at_once_returns_what_it_has() -> None:
+    progress = Heard()
+    progress.cancel()
+    run = run_fit([FitInput("throw", thrown_ball(), observe(thrown_ball(), frames=20))], FitRequest(), progress)
+    assert digest(run, 0)["status"] == "cancelled"
 
 
 def test_a_long_curve_is_thinned_and_keeps_its_course() -> None:

@@ -10,25 +10,29 @@ import pytest
 from atw_mcp.fitting.verdict import SETTINGS, BodyFit, FitVerdict, chance_of_wrong, is_far_off, judge
 from atw_mcp.probing.ensemble_answers import query_answer, query_in_words
 from atw_mcp.probing.ensembles import Ensemble
-from polyworld.estimation.world_fit import FitProblem, FitResult, Unknown, default_unknowns, refine
-from polyworld.estimation.world_fit.accuracy import errors
-from polyworld.estimation.world_fit.observed import observed_entries
+from polyworld.estimation.accuracy import errors
+from polyworld.estimation.fit import FitOptions, FittedRun, fit
+from polyworld.estimation.readout import observed_entries
+from polyworld.estimation.study import of_one
+from polyworld.estimation.unknown import Unknown
 from polyworld.probing.query import QueryResult
-from tests.polyworld.estimation.world_fit.closed_form import ClosedForm, observe, thrown_ball
+from tests.polyworld.estimation.closed_form import ClosedForm, observe, thrown_ball
 
 RADIUS, SIGMA = 0.1, 0.01  # [m]
 
 
-def fitted(*, held: float | None = None) -> tuple[FitResult, FitVerdict]:
-    """A thrown ball fitted to its noisy track, all it may vary or its speed alone held `held` m/s too low."""
+def fitted(*, held: float | None = None) -> tuple[FittedRun, FitVerdict]:
+    """A thrown ball fitted to its noisy track, all it may vary, or nothing but damping and a speed `held` too low."""
     world, tracks = thrown_ball(), observe(thrown_ball(), sigma=SIGMA)
-    unknowns = default_unknowns(world, tracks, each=())
     if held is not None:
-        ball = world.objects[0].model_copy(update={"velocity": (2.0 - held, 1.0, 3.0)})
+        ball = world.objects[0].model_copy(update={"velocity": (2.0 - held, 1.0, 3.0), "linear_damping": 0.5})
         world = world.model_copy(update={"objects": (ball,)})
-        unknowns = [Unknown("spin", ("objects.ball.angular_velocity.z",), "rad/s", 2.0, -5.0, 5.0, 1.0)]
-    result = refine(FitProblem(world, tracks, unknowns, make_simulator=ClosedForm))
-    return result, judge(result, tracks, frozenset({"ball"}))
+    known = FitOptions(states=False, edit=lambda _: [SPIN], share=0.0)
+    (run,) = fit(of_one(world, tracks), FitOptions() if held is None else known).runs
+    return run, judge(run, tracks)
+
+
+SPIN = Unknown("spin", ("objects.ball.angular_velocity.z",), "rad/s", 2.0, -5.0, 5.0, 1.0)
 
 
 def test_an_error_of_the_size_of_the_noise_is_good() -> None:
@@ -53,7 +57,7 @@ def test_a_speed_that_is_off_is_poor_or_failed_by_the_way_it_makes(held: float, 
 
 def test_a_world_that_diverges_has_failed() -> None:
     result, _ = fitted()
-    verdict = judge(replace(result, accuracy=None), observe(thrown_ball()), frozenset({"ball"}))
+    verdict = judge(replace(result, accuracy=None), observe(thrown_ball()))
     assert (verdict.verdict, verdict.diverged) == ("failed", True)
     assert "diverges" in str(verdict.to_dict()["why"])
 
@@ -73,6 +77,13 @@ def test_a_whole_fails_with_half_of_its_bodies_and_is_poor_with_one() -> None:
 def test_a_body_that_moves_far_has_failed_only_where_its_motion_is_not_explained() -> None:
     assert BodyFit("a", 0.09, SIGMA, RADIUS, motion=1.0).verdict == "poor"  # as where one force is missing
     assert BodyFit("a", 1.1, SIGMA, RADIUS, motion=1.0).verdict == "failed"
+
+
+def test_a_fit_is_good_by_what_it_predicts_alone() -> None:
+    followed = BodyFit("a", 0.004, SIGMA, RADIUS, motion=1.0, ahead=0.004)
+    assert followed.verdict == "good"
+    assert replace(followed, ahead=0.05).verdict == "poor"
+    assert "0.05 m where it was predicted" in replace(followed, ahead=0.05).in_words()
 
 
 def test_a_noisy_track_is_no_fault_of_the_fit_and_a_small_error_none_of_an_exact_one() -> None:
@@ -107,11 +118,11 @@ def test_errors_along_the_line_of_sight_count_by_what_is_known_there() -> None:
     uneven = replace(tracks, position_spread=spread)
     batch = ClosedForm(world, uneven.times, n_worlds=1).run()
     (position, *_) = observed_entries(world, uneven)
-    found = (position.standardised(batch)[0] ** 2).sum(axis=1)
+    found = (position.standardised(batch, len(uneven.times))[0] ** 2).sum(axis=1)
     apart = batch.positions[0, :, 0] - tracks.positions[:, 0]
     covariance = SIGMA**2 * np.eye(3) + spread[:, 0, :, None] * spread[:, 0, None, :]
     np.testing.assert_allclose(found, np.einsum("ti,tij,tj->t", apart, np.linalg.inv(covariance), apart), rtol=1e-9)
-    np.testing.assert_allclose(position.differences(batch)[0], apart, atol=1e-12)
+    np.testing.assert_allclose(position.differences(batch, len(uneven.times))[0], apart, atol=1e-12)
     again = type(uneven).from_dict(uneven.to_dict()).window(3, 9).select(["ball"])
     assert again.position_spread is not None
     np.testing.assert_array_equal(again.position_spread, spread[3:10])

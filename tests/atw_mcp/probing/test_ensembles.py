@@ -12,7 +12,7 @@ import pytest
 
 from tests.atw_mcp.clips import write_tracks
 from tests.atw_mcp.session import Session
-from tests.polyworld.estimation.world_fit.floor_scenes import frames, thrown, tracks_of
+from tests.polyworld.estimation.floor_scenes import frames, thrown, tracks_of
 from tests.polyworld.sliding_block import block_places, stopping_distance
 
 FRICTION, SPEED, SIGMA = 0.2, 1.0, 0.003
@@ -57,9 +57,9 @@ def rollout(session: Session) -> str:
     return str(session("Rollout", case="slide", horizon_seconds=2.0)["source"]["rollout"])
 
 
-def test_what_was_fitted_says_what_the_sample_draws_from_bounds(fit: dict[str, Any]) -> None:
-    assert fit["data"]["ensemble"]["drawn_from_bounds"] == ["block.restitution", "block.mass"]
-    assert fit["data"]["ensemble"]["minima"] == 1
+def test_what_was_fitted_says_what_the_sample_draws_from_priors(fit: dict[str, Any]) -> None:
+    assert "block.restitution" in fit["data"]["ensemble"]["from_prior"]
+    assert "block.friction" not in fit["data"]["ensemble"]["from_prior"]
 
 
 def test_a_line_far_ahead_and_one_far_behind_are_certain_and_one_at_the_stop_is_not(
@@ -103,7 +103,7 @@ def test_the_answer_names_what_decides_it_and_how_narrow_it_is(session: Session)
     assert about["probability"] == pytest.approx(0.5, abs=0.1)
     assert about["decided_by"]["parameter"] == "block.friction"
     assert about["decided_by"]["true_where"] == "below"
-    assert about["decided_by"]["threshold"] == pytest.approx(1.0 / (2.0 * 9.81 * median), rel=0.05)
+    assert about["decided_by"]["threshold"] == pytest.approx(1.0 / (2.0 * 9.81 * median), rel=0.15)  # dampings slow it too
     assert about["decided_by"]["agree"] >= 35
     assert about["margin"]["50%"] == pytest.approx(0.0, abs=0.003)
     assert about["margin"]["5%"] == pytest.approx(end["position_90%"]["from"][0] - median, abs=0.003)
@@ -184,7 +184,7 @@ def test_energy_and_momentum_come_with_intervals(session: Session, rollout: str)
     mass = session("ReadProperty", case="slide", objects=["block"], property="mass")["data"]["values"][0]["value"]
     _, _, speed, _, slowing, energy = about["rows"][1]
     assert speed[1] < speed[0] < speed[2]
-    assert slowing[1] - 0.05 < -FRICTION * 9.81 < slowing[2] + 0.05
+    assert slowing[1] - 0.1 < -FRICTION * 9.81 < slowing[2] + 0.1
     assert answer["data"]["rows"][1][4] == pytest.approx(0.5 * mass * answer["data"]["rows"][1][1] ** 2, rel=0.01)
     assert energy[1] < energy[2]
     assert about["rows"][-1][2] == pytest.approx([0.0, 0.0, 0.0], abs=1e-3)
@@ -240,7 +240,9 @@ def test_the_members_of_a_world_that_got_a_law_of_resistance_have_it(tmp_path: P
     session("ImportObservation", case="throw", kind="tracks", path=str(path))
     session("BuildWorld", case="throw", objects=[{"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}}])
     fitted = session("FitWorld", case="throw", patience_seconds=300)
-    assert [law["name"] for law in fitted["data"]["resistance"] if law["kept"]] == ["quadratic_damping"]
+    (law,) = [value for value in fitted["data"]["values"] if value["name"] == "quadratic_damping"]
+    assert law["interval80"][0] > 0.2
+    assert not law["from_prior"]
     assert session("InspectWorld", case="throw")["data"]["world"] == fitted["data"]["world"]  # the latest draft
     session("CommitWorld", case="throw", world=fitted["data"]["world"])
     end = float(times[-1])

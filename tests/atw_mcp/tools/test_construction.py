@@ -40,9 +40,9 @@ def test_friction_and_speed_of_a_sliding_puck_are_recovered(session: Session, tm
     values = {value["name"]: value["value"] for value in fitted["data"]["values"]}
     assert values["puck.friction"] == pytest.approx(0.23, abs=0.005)
     assert fitted["data"]["position_rmse"] < 0.002
-    (speed,) = session("ReadProperty", case=case, world=fitted["data"]["world"], object="puck", properties=["velocity"])[
-        "data"
-    ]["properties"]
+    (speed,) = session(
+        "ReadProperty", case=case, world=fitted["data"]["world"], object="puck", properties=["velocity"]
+    )["data"]["properties"]
     assert speed["value"][0] == pytest.approx(1.2, abs=0.02)
 
     record = session("ReadEvidence", evidence=fitted["evidence"], detail="full")["data"]

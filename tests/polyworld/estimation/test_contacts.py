@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from polyworld.estimation.contacts import possible_contacts
-from tests.polyworld.estimation.world_fit.floor_scenes import GRAVITY, RADIUS, ball, scene, tracks_of
+from tests.polyworld.estimation.floor_scenes import GRAVITY, RADIUS, ball, scene, tracks_of
 
 FRAME = 1.0 / 15.0  # [s]
 

@@ -20,7 +20,7 @@ from polyworld.world import Environment, MotionPlane, StaticObject, World, geome
 from polyworld.world.representations.joint import Hinge
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Box, Cylinder, Sphere
-from tests.polyworld.estimation.world_fit.floor_scenes import (
+from tests.polyworld.estimation.floor_scenes import (
     FLOOR,
     GRAVITY,
     RADIUS,

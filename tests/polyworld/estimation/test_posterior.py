@@ -1,0 +1,80 @@
+"""Posterior samples against distributions in closed form: Gaussian, truncated, half-normal, uniform."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import halfnorm, kstest, truncnorm
+
+from polyworld.estimation.posterior import SamplingSettings, sample
+from tests.polyworld.estimation.linear_problem import LinearProblem, flat, shared_unknown
+
+COUNT = 1000
+MANY = SamplingSettings(rounds=5, draws=1500)
+
+
+def deaf(own: LinearProblem, column: int) -> LinearProblem:
+    """The same problem, of which no residual depends on one shared unknown."""
+    for law in (*own.laws.values(), *own.ends.values()):
+        law.by_shared[:, column] = 0.0
+    return own
+
+
+def test_a_linear_model_has_its_gaussian_of_constants_and_states() -> None:
+    own = LinearProblem([2, 1], [shared_unknown(0, prior=(0.0, 0.3)), shared_unknown(1)], rows=30)
+    found = own.fit()
+    matrix, _ = own.dense()
+    covariance = np.linalg.inv(matrix.T @ matrix) * own.remainder(found)
+    drawn = sample(own, found, COUNT, 0, MANY)
+    every = np.concatenate([drawn.shared, *(y for run in drawn.states for y in run)], axis=1)
+    error = np.sqrt(np.diag(covariance))
+    assert every.mean(axis=0) == pytest.approx(flat(found.point), abs=5.0 * error.max() / np.sqrt(COUNT))
+    assert every.std(axis=0) / error == pytest.approx(np.ones(len(error)), abs=0.12)
+    correlation = covariance / np.outer(error, error)
+    assert np.abs(np.corrcoef(every.T) - correlation).max() < 0.15
+    assert drawn.effective > 0.5 * COUNT
+
+
+def test_a_rate_that_nothing_shows_is_half_normal() -> None:
+    rate = shared_unknown(1, start=0.05, lower=0.0, upper=3.0, typical=0.15, prior=(0.0, 0.15))
+    own = deaf(LinearProblem([1], [shared_unknown(0), rate]), 1)
+    drawn = sample(own, own.fit(), COUNT, 1, MANY).shared[:, 1]
+    assert drawn.min() >= 0.0
+    assert drawn.mean() == pytest.approx(0.15 * np.sqrt(2.0 / np.pi), rel=0.1)
+    assert kstest(drawn, halfnorm(scale=0.15).cdf).statistic < 0.06
+
+
+def test_a_constant_without_prior_or_data_is_uniform_within_its_bounds() -> None:
+    own = deaf(LinearProblem([1], [shared_unknown(0), shared_unknown(1, start=0.5, lower=0.0, upper=1.0)]), 1)
+    drawn = sample(own, own.fit(), COUNT, 2, MANY).shared[:, 1]
+    assert kstest(drawn, "uniform").statistic < 0.06
+
+
+def test_a_minimum_on_a_bound_that_the_data_want_beyond_has_the_tail_inside() -> None:
+    free = LinearProblem([1], [shared_unknown(0)], seed=4)
+    at = free.fit()
+    matrix, _ = free.dense()
+    sd = float(np.sqrt(np.linalg.inv(matrix.T @ matrix)[0, 0]))
+    edge = float(at.point.shared[0]) + 1.0 * sd
+    own = LinearProblem([1], [shared_unknown(0, start=edge + 1.0, lower=edge)], seed=4)
+    found = own.fit()
+    assert found.point.shared[0] == pytest.approx(edge)
+    drawn = sample(own, found, COUNT, 3, MANY).shared[:, 0]
+    wide = sd * np.sqrt(own.remainder(found))
+    exact = truncnorm((edge - float(at.point.shared[0])) / wide, np.inf, loc=at.point.shared[0], scale=wide)
+    assert kstest(drawn, exact.cdf).statistic < 0.06
+
+
+def test_residuals_above_the_noise_widen_the_sample_and_below_it_do_not_narrow_it() -> None:
+    widths = []
+    for scale in (0.3, 1.0, 3.0):
+        own = LinearProblem([1], [shared_unknown(0)], rows=400, scale=scale, seed=6)
+        widths.append(sample(own, own.fit(), COUNT, 0, MANY).shared.std())
+    assert widths[0] == pytest.approx(widths[1], rel=0.12)
+    assert widths[2] == pytest.approx(3.0 * widths[1], rel=0.12)
+
+
+def test_equal_seeds_give_equal_bytes_and_others_do_not() -> None:
+    own = LinearProblem([1], [shared_unknown(0)])
+    drawn = [sample(own, own.fit(), 16, seed).shared.tobytes() for seed in (1, 1, 2)]
+    assert drawn[0] == drawn[1] != drawn[2]
