@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
+
 from atw_mcp.calls.app import App
 from evidence_store import Case, UnknownRecord
 from polyworld.world import World
 from polyworld.world.parameter_tables import STATE_PARAMETERS
 from polyworld.world.parameters import read_parameter
 
+SAMPLE = "posterior"  # kind of record that holds the sample of a fitted world
 Origin = Literal["fitted", "edited", "observed", "given or default"]
 
 
@@ -34,7 +37,7 @@ def knowledge(app: App, case: Case, world: World, path: str) -> Knowledge:
         descent = ancestry[-1]
         parent = World.model_validate_json(app.store.worlds.document(descent.parent))
         if descent.how == "fitted":
-            found = _fitted(app, descent.detail, path)
+            found = _fitted(app, world.id, descent.detail, path)
             if found is not None:
                 return Knowledge("fitted", found)
         elif _value(parent, path) != _value(world, path):
@@ -69,7 +72,7 @@ def lineage(app: App, case: Case, world: World) -> list[dict[str, Any]]:
     return steps
 
 
-def _fitted(app: App, detail: dict[str, Any], path: str) -> dict[str, Any] | None:
+def _fitted(app: App, world: str, detail: dict[str, Any], path: str) -> dict[str, Any] | None:
     """Return what a fit says about a path; None where it was not among the fitted ones."""
     try:
         document = app.store.fits.get(str(detail.get("fit"))).document
@@ -78,9 +81,16 @@ def _fitted(app: App, detail: dict[str, Any], path: str) -> dict[str, Any] | Non
     value = next((item for item in document["values"] if path in item["paths"]), None)
     if value is None:
         return None
-    found = {key: value[key] for key in ("standard_error", "spread", "at_bound")}
-    if len(value["paths"]) > 1:
-        found["shared_with"] = [other for other in value["paths"] if other != path]
+    found = {"standard_error": None, "from_prior": value["from_prior"], "at_bound": value["at_bound"]}
+    sample = app.store.fits.find(SAMPLE, {"world": world})
+    rows = [] if sample is None else sample.document["unknowns"]
+    for i, row in enumerate(rows):
+        if sample is not None and path in row["paths"]:
+            draws = sample.arrays["values"][:, i]
+            low, high = np.quantile(draws, [0.1, 0.9])
+            found |= {"standard_error": float(draws.std()), "interval80": [float(low), float(high)]}
+            if len(row["paths"]) > 1:
+                found["shared_with"] = [other for other in row["paths"] if other != path]
     reasons = [item["reason"] for item in document["undetermined"] if value["name"] in item["parameters"]]
     if reasons:
         found["undetermined"] = reasons

@@ -223,6 +223,7 @@ def digest(run: FitRun, index: int) -> dict[str, Any]:
         "method": found.method,
         "status": "cancelled" if found.cancelled else "completed",
         "world": case.run.world.id,
+        "start": case.run.start.id,
         "seed": run.seed,
         "loss": found.misfit,
         "fitted_frames": list(case.run.frames),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from atw_mcp.calls.app import App
 from atw_mcp.worlds.last_fit import last_fit
@@ -24,19 +25,37 @@ def base_unknowns(app: App, world: World, paths: Sequence[str] | None) -> tuple[
     """
     if paths is not None:
         return unknowns_at(world, paths)
-    found = []
+    found: list[Unknown] = []
+    taken: set[str] = set()
     fit = last_fit(app, world)
-    for value in () if fit is None else fit.values:
+    # A friction that several constants make up is refitted as its own: those of single objects come first. Restitution
+    # is refitted in common, since few bodies are seen to collide often.
+    values = [
+        v for v in ([] if fit is None else fit.values) if not v["name"].startswith("restitution of ") or not _departs(v)
+    ]
+    for value in sorted(values, key=lambda v: len(v["paths"])):
         if value["paths"] == [FRAME]:  # measured times follow the world's frames: what may be wrong is their clock
             error = value["standard_error"]
             found.append(unknown_of(world, (CLOCK,), "clock", error=None if error is None else error / value["value"]))
             continue
-        known = tuple(p for p in value["paths"] if not _is_state(p) and _readable(world, p))
+        powers = value.get("powers") or [1.0] * len(value["paths"])
+        own = [p for p, power in zip(value["paths"], powers, strict=True) if power > 0.0]  # the others divide by it
+        known = tuple(p for p in own if p not in taken and not _is_state(p) and _readable(world, p))
+        taken |= set(known)
         if known:
-            found.append(
-                unknown_of(world, known, value["name"], value["lower"], value["upper"], value["standard_error"])
-            )
+            found.append(unknown_of(world, known, value["name"], *_range(value, powers)))
     return tuple(found)
+
+
+def _departs(value: dict[str, Any]) -> bool:
+    return " over " in value["name"]
+
+
+def _range(value: dict[str, Any], powers: Sequence[float]) -> tuple[float | None, float | None, float | None]:
+    """Return bounds and standard error of a fitted value; None where it is not the parameter itself."""
+    if any(power != 1.0 for power in powers) or _departs(value):
+        return None, None, None
+    return value["lower"], value["upper"], value["standard_error"]
 
 
 def unknowns_at(world: World, paths: Sequence[str]) -> tuple[Unknown, ...]:

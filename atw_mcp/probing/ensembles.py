@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter
 
 from atw_mcp.calls.app import App
+from atw_mcp.cases.origins import SAMPLE as SAMPLE
 from atw_mcp.fitting.fitting import Sample
 from atw_mcp.fitting.verdict import chance_of_wrong, verdict_of
 from atw_mcp.worlds.rollout_cost import MAX_POINT_SAMPLES, cost
@@ -25,7 +26,6 @@ from polyworld.world.parameters import parameter_paths, read_parameter
 
 Array = NDArray[np.float64]
 
-SAMPLE = "posterior"
 KIND = "ensemble"
 MEMBERS = 64  # kept of every fit
 LEAST = 5

@@ -40,7 +40,8 @@ class KnownParameter(Result):
     bounds: Bounds = Field(description="null: none")
     known: Origin
     standard_error: float | None = Field(default=None, description="of fitted values; null: not known")
-    spread: float | None = Field(default=None, description="of fitted values: of the samples of the search; null: none")
+    interval80: list[float] | None = Field(default=None, description="of fitted values: holds 80% of what data allow")
+    from_prior: bool | None = Field(default=None, description="of fitted values: whether the data say little about it")
     at_bound: bool | None = Field(default=None, description="of fitted values")
     shared_with: list[str] | None = Field(default=None, description="paths fitted as one value with this")
     undetermined: list[str] | None = Field(default=None, description="why the data do not determine it")

@@ -140,6 +140,7 @@ def fit_world(
     if kept is not None:
         fitted = World.model_validate_json(app.store.worlds.document(kept.document["world"]))
         # It may have been fitted for another case.
+        _keep_start(app, found, start, World.model_validate_json(app.store.worlds.document(kept.document["start"])))
         _add_to_case(app, found, start, fitted, {**key, "case": 0}, observations[0], kept.document["verdict"])
         return _fit_answer(app, found, start, fitted, kept.document, inputs_of[0].tracks, observations[0], again=True)
 
@@ -194,15 +195,20 @@ def _keep_fit(
     fitted = run.cases[index].run
     document = plain(digest(run, index))
     with app.store.transaction():
-        if fitted.start.id != start.id:  # where initial states are first guesses, and a law of resistance was added
-            # Before the fitted world, which is to be the latest draft.
-            app.keep_world(case, fitted.start, how="given", parent=start, detail={"fit": "start"})
+        _keep_start(app, case, start, fitted.start)
         _add_to_case(app, case, start, fitted.world, inputs, observation, document["verdict"])
         if fitted.accuracy is not None:
             keep_sample(app, fitted.world, sample_of(run, index))
         if document["status"] == "completed":  # a cancelled fit depends on when it was cancelled: do not reuse it
             app.store.fits.put("fit", inputs, document)
     return _fit_answer(app, case, start, fitted.world, document, tracks, observation, again=False)
+
+
+def _keep_start(app: App, case: Case, start: World, guessed: World) -> None:
+    """Keep the world that a sample refers to, in which initial states are first guesses and a law of resistance acts;
+    before the fitted one, which is to be the latest draft."""
+    if guessed.id != start.id:
+        app.keep_world(case, guessed, how="given", parent=start, detail={"fit": "start"})
 
 
 def _add_to_case(

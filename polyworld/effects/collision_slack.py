@@ -13,7 +13,7 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
     phase = (b.t - p[6]) / p[7]
     size = wp.float64(0.0)
     if phase > wp.float64(0.0) and phase < wp.float64(1.0):
-        # Over evenly spaced steps, two or more, a raised cosine sums to the same whatever their phase.
+        # Over even steps that divide the duration, two or more, a raised cosine sums to the same whatever their phase.
         size = (wp.float64(1.0) - wp.cos(wp.float64(2.0 * wp.pi) * phase)) / p[7]
     return wrench(size * wp.vec3d(p[0], p[1], p[2]), size * wp.vec3d(p[3], p[4], p[5]))
 

@@ -22,14 +22,19 @@ from polyworld.world.shapes import Capsule, Cylinder, Sphere
 Rolling = Literal["slides", "rolls", "skids"]
 """How balls and lying cylinders move: launched without spin, rolling from the start, or never rolling up."""
 
+ABSENT = 3.0  # deviations below a bound to which the coordinate of what may be absent goes
 RESISTANCE = "resistance"  # name of the effect that a fit adds
 PLANE = "environment.motion_plane.friction"
 SKIDS = 0.5  # lever arm of rolling resistance, in radii, above friction's: no ball rolls up against it
+COMMON = "of all without a material"
 DECADES, RATIO = 100.0, 3.0  # a value outside the usual range, and a time base, are varied within this factor
 
 
 def group(item: RigidObject) -> str:
-    """Return what an object's constants are tied by: its material where one is stated, else itself."""
+    """Return what an object's constants are tied by: its material where one is stated, else itself.
+
+    Objects of no stated material share what is ordinary among them, and depart from it as the evidence asks.
+    """
     return item.appearance.material or item.name
 
 
@@ -140,6 +145,8 @@ class _Rows:
         self.groups: dict[str, list[RigidObject]] = {}
         for item in self.bodies:
             self.groups.setdefault(group(item), []).append(item)
+        alone = [name for name, own in self.groups.items() if all(o.appearance.material is None for o in own)]
+        self.unstated = alone if len(alone) > 1 else []
 
     def frictions(self) -> list[Unknown]:
         """Friction against the surface by group, and the surface's own, on which that of pairs of bodies hangs.
@@ -149,20 +156,36 @@ class _Rows:
         in a planar world slow down by rolling resistance, which is a friction of its own.
         """
         surface = self._surface()
-        found = []
+        found: list[Unknown] = []
+        common: list[RigidObject] = []
         for name, own in self.groups.items():
             apart = [o for o in own if isinstance(o.shape, Sphere)] if self.planar and self.rolling == "rolls" else []
             rest = [o for o in own if o not in apart]
-            if rest:
+            if rest and name not in self.unstated:
                 found.append(self._friction(f"friction of {name}", rest, self._prior_of(name), surface))
+            elif rest:
+                power = 2.0 if surface else 1.0
+                found.append(self._departure("friction", name, rest, power))
+                common += rest
             if apart:
                 found.append(self._friction(f"rolling friction of {name}", apart, self.settings.ln_rolling, surface))
+        if common:
+            found.append(self._friction(f"friction {COMMON}", common, self.settings.ln_friction, surface))
         if surface and self.bodies:
             mean, sd = self.settings.ln_surface
             every = _paths(self.bodies, "friction")
             powers = (1.0,) * len(surface) + (-1.0,) * len(every)
             found.append(_log("friction of the surface", (*surface, *every), mean, sd, (5e-3, 7.0), powers))
+            for material, own in self._other_surfaces().items():
+                sd = self.settings.ln_friction[1]
+                name = f"friction of {material} over that of the surface"
+                found.append(_log(name, own, 0.0, sd, (1e-2, 100.0), (2.0,) * len(own)))
         return found
+
+    def _departure(self, field: str, name: str, own: Sequence[RigidObject], power: float = 1.0) -> Unknown:
+        """Return the factor by which an object departs from what objects of no stated material share."""
+        paths, sd = _paths(own, field), self.settings.ln_departure
+        return _log(f"{field} of {name} over {COMMON}", paths, 0.0, sd, (0.1, 10.0), (power,) * len(paths))
 
     def _friction(self, name: str, own: Sequence[RigidObject], prior: Gaussian, surface: tuple[str, ...]) -> Unknown:
         paths = _paths(own, "friction")
@@ -184,13 +207,39 @@ class _Rows:
             return ()
         return tuple(f"statics.{name}.friction" for name in statics)
 
+    def _other_surfaces(self) -> dict[str, tuple[str, ...]]:
+        """Paths of the friction of fixed bodies by their material, where that is stated and not the first one's."""
+        statics = {s.name: s for run in self.study.runs for s in run.world.statics}
+        first = next((s.appearance.material for s in statics.values()), None)
+        found: dict[str, tuple[str, ...]] = {}
+        for name, static in statics.items():
+            material = static.appearance.material
+            if not self.planar and first and material and material != first:
+                found[material] = (*found.get(material, ()), f"statics.{name}.friction")
+        return found
+
     def restitutions(self) -> list[Unknown]:
-        """Restitution by group."""
+        """Restitution by group; of objects without a stated material a common one, and factors on it."""
         mean, sd = self.settings.restitution
-        return [
+        found = [
             Unknown(f"restitution of {name}", _paths(own, "restitution"), "1", mean, 0.0, 1.0, sd, prior=(mean, sd))
             for name, own in self.groups.items()
+            if name not in self.unstated
         ]
+        if self.unstated:
+            every = [o for name in self.unstated for o in self.groups[name]]
+            found.append(
+                _log(
+                    f"restitution {COMMON}",
+                    _paths(every, "restitution"),
+                    float(np.log(mean)),
+                    sd / mean,
+                    (0.02, 1.0),
+                    (),
+                )
+            )
+            found += [self._departure("restitution", name, self.groups[name]) for name in self.unstated]
+        return found
 
     def rolling_resistances(self) -> list[Unknown]:
         """Lever arm over radius of what rolls, by group; in spatial worlds. Of what skids it is given."""
@@ -262,7 +311,12 @@ def _log(
 
 
 def bounds_in_coordinates(unknowns: Sequence[Unknown]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return lower and upper bounds (S,) in the coordinates in which unknowns are varied."""
+    """Return lower and upper bounds (S,) in the coordinates in which unknowns are varied.
+
+    Where a prior is centred on the lower bound coordinates go on below it, and values stay there: an effect is absent
+    with probability one half, and else half-normal.
+    """
     low = np.array([np.log(u.lower) if u.scale == "log" else u.lower for u in unknowns], dtype=float)
+    low -= np.array([ABSENT * u.prior[1] if u.prior and u.prior[0] == u.lower else 0.0 for u in unknowns])
     high = np.array([np.log(u.upper) if u.scale == "log" else u.upper for u in unknowns], dtype=float)
     return low, high

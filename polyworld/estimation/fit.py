@@ -18,7 +18,7 @@ from polyworld.estimation.declared import Rolling, constants, with_resistance
 from polyworld.estimation.fit_settings import FitSettings
 from polyworld.estimation.least_squares import Minimum, Point, Problem
 from polyworld.estimation.noise_of_tracks import track_sigma
-from polyworld.estimation.posterior import Posterior, sample
+from polyworld.estimation.posterior import Posterior, SamplingSettings, sample
 from polyworld.estimation.predict import Prediction, predicted
 from polyworld.estimation.problem import Block
 from polyworld.estimation.readout import TracksReadout, observed_entries, sample_times
@@ -41,6 +41,7 @@ Array = NDArray[np.float64]
 Method = Literal["least_squares", "cem", "random_search"]
 Edit = Callable[[list[Unknown]], list[Unknown]]
 TINY = 1e-15  # below which a number is rounding
+COSTLY = SamplingSettings(rounds=2, draws=32)  # of worlds with deformable bodies, whose rollouts take seconds
 WEAK = 12.0  # difference of twice the log-evidence beyond which a way of rolling has less than three in a thousand
 Watch = Callable[[float, str, float], None]
 
@@ -163,7 +164,9 @@ class _Fit:
     ) -> None:
         self.options, self.settings, self._watch, self._cancelled = options, settings, watch, cancelled
         self.study = Study(tuple(replace(r, world=with_resistance(r.world)) for r in study.runs))
-        self.noise = [track_sigma(r.tracks) for r in study.runs]
+        held = options.holdout
+        self.shown = [r.tracks if held is None else _before(r.tracks, held) for r in study.runs]
+        self.noise = [track_sigma(tracks) for tracks in self.shown]
         self.sigma = [
             _tolerant(r, own, self.settings.model.tolerance) for r, own in zip(study.runs, self.noise, strict=True)
         ]
@@ -176,7 +179,7 @@ class _Fit:
         if self.options.holdout is not None:
             self.share, self.step = (0.0, 0.85), "fitting the frames before those held out"
             held = [self.options.holdout] * len(self.study.runs)
-            found = self.fitted([_before(r.tracks, self.options.holdout) for r in self.study.runs])
+            found = self.fitted(self.shown)
             return self.report(found, found, held)
         cuts = [_cut(run.tracks, self.options.share) for run in self.study.runs]
         early: _Found | None = None
@@ -199,10 +202,12 @@ class _Fit:
         for rolling in ways:
             problem = self.problem(tracks, rolling, cut=True)
             at = problem.start()
-            if before is not None and len(before.minimum.point.shared) == len(at.shared):
-                at = Point(before.minimum.point.shared, at.states)
+            stages = None
+            if before is not None:
+                at, carried = _continued(problem, next(f for f in before.every if f.rolling == rolling))
+                stages = [1.0] if carried else None
             cost = float(problem.costs([problem.start()], 1.0)[0])
-            minimum = problem.fit(at, watch=self._watched(problem), cancelled=self._cancelled)
+            minimum = problem.fit(at, watch=self._watched(problem), cancelled=self._cancelled, stages=stages)
             found.append(_Found(problem, minimum, rolling, cost))
         found.sort(key=lambda f: f.evidence)
         return replace(found[0], others=tuple(found[1:]))
@@ -231,9 +236,9 @@ class _Fit:
             return ["slides", "rolls"] if balls and worlds[0].environment.motion_plane.supports else ["slides"]
         rolling = [
             name
-            for run in self.study.runs
-            for name, support in supports(with_initial_states(run.world, run.tracks), run.tracks).items()
-            if support.rolls
+            for run, tracks in zip(self.study.runs, self.shown, strict=True)
+            for name, support in supports(with_initial_states(run.world, tracks), tracks).items()
+            if support.rolls and not support.turns
         ]
         return ["rolls", "slides", "skids"] if rolling else ["slides"]
 
@@ -263,7 +268,9 @@ class _Fit:
             part = replace(part, world=world)
             states = initial_state(part, self.settings.priors, rolling, free=self.options.states)
             readout = TracksReadout(world, part.tracks, sigma)
-            blocks.append(Block(run.name, world, sample_times(world, part.tracks), readout, states, part.link, groups=part.groups))
+            blocks.append(
+                Block(run.name, world, sample_times(world, part.tracks), readout, states, part.link, groups=part.groups)
+            )
         return blocks
 
     # -- report --------------------------------------------------------------------------------------------------
@@ -296,8 +303,9 @@ class _Fit:
         shares = found.shares
         counts = [round(p * (self.options.members - 1)) for _, p in shares]
         counts[0] = self.options.members - 1 - sum(counts[1:])
+        draws = COSTLY if any(r.world.coupled for r in self.study.runs) else None
         return [
-            (f, sample(f.problem, f.minimum, n, self.options.seed))
+            (f, sample(f.problem, f.minimum, n, self.options.seed, draws))
             for (f, _), n in zip(shares, counts, strict=True)
             if n
         ]
@@ -313,17 +321,20 @@ class _Fit:
         cut: int | None,
     ) -> FittedRun:
         blocks = found.problem.runs[r]
+        impact = self.settings.priors.impact
         first_world = blocks[0].world.model_copy(update={"time": run.world.time})
-        led = through(first_world, blocks, [_members(found, drawn, r, b) for b in range(len(blocks))])
+        led = through(first_world, blocks, [_members(found, drawn, r, b, impact) for b in range(len(blocks))])
         start, joint = led.world, led.overrides
         world = _written(start, {path: float(v[0]) for path, v in joint.items()})
-        shown = run.tracks if self.options.holdout is None else _before(run.tracks, self.options.holdout)
+        shown = self.shown[r]
         accuracy = _accuracy(world, shown)
         prediction, held_out = None, None
         if early is not None and first is not None and cut is not None:
             own = early.problem.runs[r][-1]
             names = _named(early, first)
-            prediction = predicted(own, _members(early, first, r, -1), run, self.sigma[r], cut, early.begins(r), names)
+            prediction = predicted(
+                own, _members(early, first, r, -1, impact), run, self.sigma[r], cut, early.begins(r), names
+            )
             before = {path: float(v[0]) for path, v in _members(early, [], r, 0).items()}
             held_out = _accuracy(_written(early.problem.runs[r][0].world, before), run.tracks, cut)
         frames = (int(shown.frames[0]), int(shown.frames[-1]))
@@ -366,6 +377,11 @@ class _Found:
         return (self.rolling, *near)
 
     @property
+    def every(self) -> tuple[_Found, ...]:
+        """All ways of rolling, the best first."""
+        return (self, *self.others)
+
+    @property
     def shares(self) -> list[tuple[_Found, float]]:
         """Ways of rolling that the evidence leaves, with their probabilities."""
         every = [self, *(f for f in self.others if f.rolling in self.kept)]
@@ -375,6 +391,24 @@ class _Found:
     def begins(self, r: int) -> float:
         """When the last stretch of a run begins [s]."""
         return float(sum(b.link.time for b in self.problem.runs[r] if b.link is not None))
+
+
+def _continued(problem: Problem, before: _Found) -> tuple[Point, bool]:
+    """Return a start where a fit to fewer frames ended, and whether all stretches have one of its states."""
+    start, at = problem.start(), before.minimum.point
+    if len(at.shared) != len(start.shared):
+        return start, False
+    states, carried = [], True
+    for run, own, old, theirs in zip(problem.runs, start.states, before.problem.runs, at.states, strict=True):
+        begins = [np.cumsum([0.0, *(b.link.time for b in r if b.link)]) for r in (run, old)]
+        found = []
+        for block, values, begin in zip(run, own, begins[0], strict=True):
+            same = [y for b, y, t in zip(old, theirs, begins[1], strict=True)
+                    if abs(t - begin) < 1e-9 and b.states.labels == block.states.labels]  # fmt: skip
+            found.append(same[0] if same else values)
+            carried &= bool(same)
+        states.append(tuple(found))
+    return Point(at.shared, tuple(states)), carried
 
 
 def _coarser(world: World, substep: float) -> World:
@@ -391,8 +425,14 @@ def _tolerant(run: StudyRun, noise: Array, share: float) -> Array:
     return tolerance
 
 
-def _members(found: _Found, drawn: list[tuple[_Found, Posterior]], r: int, b: int) -> dict[str, Array]:
-    """Return parameter path -> values (N,) of the minimum, then of the members, of one block."""
+def _members(
+    found: _Found, drawn: list[tuple[_Found, Posterior]], r: int, b: int, impact: float = 0.0
+) -> dict[str, Array]:
+    """Return parameter path -> values (N,) of the minimum, then of the members, of one block.
+
+    impact: standard deviation of what a body's restitution in a single collision has of its own.
+    """
+    rng = np.random.default_rng([r, 0x1E])
     at = found.minimum.point
     block = found.problem.runs[r][b]
     parts = [block.overrides(at.shared[None], at.states[r][b][None])]
@@ -402,6 +442,8 @@ def _members(found: _Found, drawn: list[tuple[_Found, Posterior]], r: int, b: in
     for path in dict.fromkeys(path for part in parts for path in part):
         own = read_parameter(block.world, path) or 0.0
         joint[path] = np.concatenate([part.get(path, np.full(n, own)) for part, n in zip(parts, counts, strict=True)])
+        if path.endswith(".restitution"):
+            joint[path][1:] = np.clip(joint[path][1:] + impact * rng.standard_normal(len(joint[path]) - 1), 0.0, 1.0)
     return joint
 
 
@@ -410,11 +452,14 @@ def _named(found: _Found, drawn: list[tuple[_Found, Posterior]]) -> dict[str, Ar
     own = {u.name: i for i, u in enumerate(found.problem.shared)}
     joint: dict[str, Array] = {}
     for name in dict.fromkeys(u.name for f, _ in [(found, None), *drawn] for u in f.problem.shared):
+        u = next(u for f, _ in [(found, None), *drawn] for u in f.problem.shared if u.name == name)
         parts = [np.full(1, found.minimum.point.shared[own[name]] if name in own else np.nan)]
         for f, p in drawn:
             column = next((i for i, u in enumerate(f.problem.shared) if u.name == name), None)
             parts.append(np.full(len(p.shared), np.nan) if column is None else p.shared[:, column])
         joint[name] = np.concatenate(parts)
+        if u.scale == "linear":
+            joint[name] = np.maximum(joint[name], u.lower)
     return joint
 
 
@@ -457,9 +502,9 @@ def _constants(problem: Problem, minimum: Minimum, named: dict[str, Array]) -> t
             else (problem.upper - problem.lower)[i] / np.sqrt(12.0)
         )
         if u.prior is not None and u.lower == 0.0 and u.prior[0] == 0.0:
-            prior *= np.sqrt(1.0 - 2.0 / np.pi)  # of a half-normal
+            prior *= np.sqrt(0.5 - 0.5 / np.pi)  # of a normal variable, 0 where it is negative
         values = np.exp(draws) if u.scale == "log" else draws
-        x = float(minimum.point.shared[i])
+        x = float(minimum.point.shared[i] if u.scale == "log" else max(minimum.point.shared[i], u.lower))
         low, high = np.quantile(values, [0.1, 0.9])
         informed = float(np.clip(1.0 - (spread / prior) ** 2, 0.0, 1.0))
         value = float(np.exp(x)) if u.scale == "log" else x

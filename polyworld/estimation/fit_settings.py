@@ -8,17 +8,18 @@ from dataclasses import dataclass, field
 Gaussian = tuple[float, float]
 # Mean coefficient against dry surfaces, and standard deviation of its logarithm, by words in the name of a material:
 # ranges of engineering handbooks (Avallone, Baumeister & Sadegh, Marks' Handbook, 11th ed., section 3.2; the sliding
-# coefficients of dry pairs with wood, stone, plastic and steel) taken for two deviations.
+# coefficients of dry pairs with wood, stone, plastic and steel). What a surface does to a named material varies as much
+# as materials do, so that the deviation is that of `ln_friction`.
 FRICTION_OF = {
-    "rubber": (0.7, 0.25),
-    "metal": (0.3, 0.35),
-    "steel": (0.3, 0.35),
-    "iron": (0.3, 0.35),
-    "aluminium": (0.3, 0.35),
-    "brass": (0.3, 0.35),
-    "wood": (0.4, 0.3),
-    "plastic": (0.3, 0.35),
-    "glass": (0.35, 0.4),
+    "rubber": (0.7, 0.5),
+    "metal": (0.3, 0.5),
+    "steel": (0.3, 0.5),
+    "iron": (0.3, 0.5),
+    "aluminium": (0.3, 0.5),
+    "brass": (0.3, 0.5),
+    "wood": (0.4, 0.5),
+    "plastic": (0.3, 0.5),
+    "glass": (0.35, 0.5),
     "ice": (0.04, 0.5),
 }
 
@@ -29,16 +30,15 @@ class PriorSettings:
 
     ln_friction: Gaussian = (-0.92, 0.5)  # 0.4: dry contacts of wood, plastic, rubber, metal lie within two deviations
     friction_of: Mapping[str, Gaussian] = field(default_factory=lambda: FRICTION_OF)
+    ln_departure: float = 0.25  # of a body from others whose materials were not stated either
     ln_surface: Gaussian = (-0.36, 0.5)  # 0.7: of the surface's own coefficient, which sets that of pairs of bodies
-    restitution: Gaussian = (0.5, 0.15)
-    linear_damping: float = 0.15  # [1/s] half-normal
+    restitution: Gaussian = (0.5, 0.2)
+    impact: float = 0.1  # by which the restitution of one body in a collision to come departs from its material's
+    linear_damping: float = 0.3  # [1/s] half-normal: a film under light bodies
     quadratic_damping: float = 0.1  # [1/m] half-normal: a ball of 4 cm in air has 0.15
     angular_damping: float = 0.15  # [1/s] half-normal
     ln_mass: float = 0.6  # wood against plastic against a hollow body; of masses that were not given
-    ln_rolling: Gaussian = (
-        -4.2,
-        0.8,
-    )  # 0.015 of the radius: from steel on steel (0.002) to a soft ball on carpet (0.07)
+    ln_rolling: Gaussian = (-4.6, 1.0)  # 0.01 of the radius: steel on steel has 0.002, a soft ball on carpet 0.07
     surface_speed: float = 0.5  # [m/s] at the surface by a spin that was not observed, as a hand gives
     slip: float = 0.35  # of the rolling spin, by which that of a supported ball may depart from rolling
 
@@ -96,17 +96,17 @@ class ModelSettings:
 @dataclass(frozen=True)
 class DescentSettings:
     """Least squares. huber: standard deviations beyond which residuals count linearly. dampings: factors on
-    Marquardt's parameter tried in one batch. rest: fall of chi-square below which an iteration gains nothing; twice in
-    a row ends a stage. step: share of a prior's deviation, or of a state's, by which derivatives are taken. substep [s]: of spatial worlds while they are fitted: paths over a
+    Marquardt's parameter tried in one batch. rest: fall of chi-square below which an iteration gains nothing (a quarter
+    of it is the part of a standard deviation that an unknown would move); twice in a row ends a stage. step: share of a prior's deviation, or of a state's, by which derivatives are taken. substep [s]: of spatial worlds while they are fitted: paths over a
     second then depart by a millimetre or less from those of finer steps.
     """
 
     huber: float = 4.0
     dampings: tuple[float, ...] = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0)
     iterations: int = 25
-    rest: float = 1e-2
+    rest: float = 0.2
     step: float = 2e-3
-    substep: float = 0.006
+    substep: float = 0.008
     opening: int = 8  # samples of the first stage: they show initial states and seldom a contact
     stages: tuple[float, ...] = (0.35, 0.7, 1.0)
 

@@ -1,7 +1,7 @@
 """Robust least squares over runs that share constants: block-bordered normal equations, states eliminated by run.
 
-Levenberg-Marquardt (Marquardt 1963) with Huber's loss by iterated weights; derivatives by central differences in one
-batch a stretch; several dampings tried in one batch; bounds by an active set. Runs are joined by the shared unknowns
+Levenberg-Marquardt (Marquardt 1963) with Huber's loss by iterated weights; derivatives by differences in one batch a
+stretch; several dampings tried in one batch; bounds by an active set. Runs are joined by the shared unknowns
 alone, so that initial states are eliminated by a Schur complement a run.
 """
 
@@ -109,11 +109,11 @@ class Problem:
         for r, run in enumerate(self.runs):
             for i, block in enumerate(run):
                 one, prior = next(found), block.states.prior
-                total[:, r] += _huber(one.residuals, self.settings.huber).sum(axis=1)
+                total[:, r] += huber_loss(one.residuals, self.settings.huber).sum(axis=1)
                 total[:, r] += (((states[r][i] - prior[:, 0]) / prior[:, 1]) ** 2).sum(axis=1)
                 if one.end is not None:
                     start, _ = link_start(run[i + 1], block, states[r][i + 1])
-                    total[:, r] += _huber(one.end - start, self.settings.huber).sum(axis=1)
+                    total[:, r] += huber_loss(one.end - start, self.settings.huber).sum(axis=1)
         return total
 
     def evaluate(self, settings: Sequence[tuple[Block, Array, Array]], most: float) -> list[Evaluated]:
@@ -143,7 +143,7 @@ class Problem:
                     both = np.arange(sizes[b], sizes[b + 2])
                     pieces.append((end - start[0], a, np.concatenate([y, -turn], axis=1), both))
                 for residual, a, y, place in pieces:
-                    w = _weights(residual, self.settings.huber)
+                    w = huber_weights(residual, self.settings.huber)
                     aw, yw = a * w[:, None], y * w[:, None]
                     found.shared += aw.T @ a
                     found.gradient += aw.T @ residual
@@ -161,7 +161,7 @@ class Problem:
         return found
 
     def linearised(self, at: Point, most: float) -> list[Linearised]:
-        """Return residuals and slopes of every block, by central differences in one batch.
+        """Return residuals and slopes of every block, by differences away from bounds in one batch.
 
         Coordinates that move bodies of different groups are varied together (Curtis, Powell & Reid 1974, J. Inst. Maths
         Applics 13, 117).
@@ -173,21 +173,21 @@ class Problem:
                 n = len(states)
                 steps = np.concatenate([self.typical, block.states.typical]) * self.settings.step
                 centre = np.concatenate([at.shared, states])
-                up = np.minimum(centre + steps, np.concatenate([self.upper, np.full(n, np.inf)]))
-                down = np.maximum(centre - steps, np.concatenate([self.lower, np.full(n, -np.inf)]))
+                inside = centre + steps <= np.concatenate([self.upper, np.full(n, np.inf)])
+                moved = centre + np.where(inside, steps, -steps)
                 index, touched = np.arange(s + n), block.touched(self.shared)
                 colour = _coloured(touched)
                 count = int(colour.max(initial=-1)) + 1
-                points = np.repeat(centre[None], 2 * count + 1, axis=0)
-                points[1 + colour, index], points[1 + count + colour, index] = up, down
+                points = np.repeat(centre[None], count + 1, axis=0)
+                points[1 + colour, index] = moved
                 settings.append((block, points[:, :s], points[:, s:]))
-                plans.append((block, (up - down)[:, None], touched, colour, count))
+                plans.append((block, (moved - centre)[:, None], touched, colour))
         found = []
-        for one, (block, width, touched, colour, count) in zip(self.evaluate(settings, most), plans, strict=True):
+        for one, (block, width, touched, colour) in zip(self.evaluate(settings, most), plans, strict=True):
             groups = None if touched.shape[1] == 1 else block.owned(most, one.end is not None)
 
             def slopes(values: Array, column: int) -> Array:
-                change = (values[1 : 1 + count] - values[1 + count :])[colour] / width  # noqa: B023
+                change = (values[1:] - values[0])[colour] / width  # noqa: B023
                 found: Array = (change if groups is None else change * touched[:, groups[column]]).T  # noqa: B023
                 return found
 
@@ -267,12 +267,13 @@ class Problem:
         at: Point | None = None,
         watch: Callable[[float, float], None] | None = None,
         cancelled: Callable[[], bool] | None = None,
+        stages: Sequence[float] | None = None,
     ) -> Minimum:
         """Fit over growing shares of the time, from where unknowns start or from a point.
 
         watch: called with the share of the work done and the cost. cancelled: asked before each iteration.
         """
-        stages = self._stages()
+        stages = stages or self._stages()
         at = at or self.start()
         for number, share in enumerate(stages):
             steps = 0
@@ -352,12 +353,14 @@ def _coloured(touched: Flags) -> Ints:
     return found
 
 
-def _huber(residuals: Array, threshold: float) -> Array:
+def huber_loss(residuals: Array, threshold: float) -> Array:
+    """Return Huber's loss, r^2 for small r."""
     size = np.abs(residuals)
     loss: Array = np.where(size <= threshold, size**2, 2.0 * threshold * size - threshold**2)
     return loss
 
 
-def _weights(residuals: Array, threshold: float) -> Array:
+def huber_weights(residuals: Array, threshold: float) -> Array:
+    """Return the weights with which squares have the slope of Huber's loss."""
     weights: Array = np.minimum(1.0, threshold / np.maximum(np.abs(residuals), 1e-300))
     return weights

@@ -27,7 +27,7 @@ def track_sigma(tracks: ObservedTracks) -> Array:
             continue
         stated[column] = float(np.median(tracks.position_sigma[seen, column]))
         own = track_noise(tracks.positions[seen, column])
-        scatter[column] = float(np.nanmax(own)) if np.isfinite(own).any() else np.nan
+        scatter[column] = float(np.sqrt(np.nanmean(own**2))) if np.isfinite(own).any() else np.nan
     known = np.isfinite(scatter)
     common = float(np.median(scatter[known])) if known.any() else 0.0
     scatter = np.where(known, np.maximum(scatter, 0.5 * common), stated)

@@ -1,10 +1,10 @@
 """Sample the posterior of a study: population Monte Carlo over shared unknowns, initial states eliminated by run.
 
-Around the minimum initial states follow the shared unknowns linearly and scatter by their own information; what is
-left is a density over a few constants that priors and bounds make anything but Gaussian: friction and damping lie in a
-valley, and what was never observed keeps its prior. Draws from a Student t distribution with the mean and covariance of
-the round before are weighted by the density over that of all rounds' proposals (Cappe et al. 2004, J. Comput. Graph.
-Stat. 13, 907; weights of Owen & Zhou 2000).
+Initial states follow the shared unknowns, linearly and then by a Gauss-Newton step with the slopes of the minimum, and
+scatter by their own information; what is left is a density over a few constants that priors and bounds make anything
+but Gaussian: friction and damping lie in a valley, and what was never observed keeps its prior. Draws from a Student t
+distribution with the mean and covariance of the round before are weighted by the density over that of all rounds'
+proposals (Cappe et al. 2004, J. Comput. Graph. Stat. 13, 907; weights of Owen & Zhou 2000).
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 from scipy.stats import multivariate_t
 
-from polyworld.estimation.least_squares import Minimum, Point, Problem
+from polyworld.estimation.least_squares import Minimum, Problem, huber_loss, huber_weights
+from polyworld.estimation.problem import link_start
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,7 @@ class SamplingSettings:
     """rounds of `draws` each. freedom: of the t distribution, whose tails cover what a Gaussian would miss."""
 
     rounds: int = 4
-    draws: int = 192
+    draws: int = 128
     freedom: float = 6.0
 
 
@@ -51,20 +52,25 @@ def sample(
     rng = np.random.default_rng([seed, 0x5A])
     normal, centre = found.normal, found.point.shared
     s = len(centre)
-    answers, widths = [], []
+    answers: list[Array] = []
+    inverses: list[Array] = []
+    widths: list[Array] = []
     information = normal.shared.copy()
     for own, border in zip(normal.own, normal.border, strict=True):
-        inverse = np.linalg.pinv(own + 1e-9 * np.eye(len(own)), hermitian=True) if len(own) else own
+        inverse = np.asarray(np.linalg.pinv(own + 1e-9 * np.eye(len(own)), hermitian=True) if len(own) else own)
         answers.append(-inverse @ border)
+        inverses.append(inverse)
         information -= border.T @ inverse @ border
         values, vectors = np.linalg.eigh(inverse) if len(own) else (np.zeros(0), inverse)
-        widths.append(vectors * np.sqrt(np.maximum(values, 0.0) * remainder))
+        width: Array = vectors * np.sqrt(np.maximum(values, 0.0) * remainder)
+        widths.append(width)
     information /= remainder
     flat = ((problem.upper - problem.lower) / np.sqrt(12.0)) ** -2.0  # no wider than the bounds
     covariance = np.linalg.inv(information + np.diag(flat)) if s else np.zeros((0, 0))
     mean = np.clip(centre, problem.lower, problem.upper)
     draws: list[Array] = [np.zeros((0, s))]
     targets: list[Array] = [np.zeros(0)]
+    places: list[list[Array]] = [[] for _ in answers]
     proposals = []
     weights = np.zeros(0)
     for _ in range(settings.rounds if s else 0):
@@ -74,7 +80,10 @@ def sample(
         inside = np.all((shared >= problem.lower) & (shared <= problem.upper), axis=1)
         shared = shared[inside]
         draws.append(shared)
-        targets.append(-0.5 * _profiled(problem, found.point, answers, shared, remainder))
+        total, moved = _profiled(problem, found, answers, inverses, shared, remainder)
+        targets.append(-0.5 * total)
+        for place, part in zip(places, moved, strict=True):
+            place.append(part)
         every, target = np.concatenate(draws), np.concatenate(targets)
         mixture = logsumexp(np.stack([np.atleast_1d(p.logpdf(every)) for p in proposals]), axis=0)
         logs = target - mixture
@@ -83,26 +92,50 @@ def sample(
         mean = weights @ every
         apart = every - mean
         covariance = (apart * weights[:, None]).T @ apart + 0.05 * covariance
+    at = np.zeros(count, dtype=np.int64)
     if s:
-        every = np.concatenate(draws)
         at = np.searchsorted(np.cumsum(weights), (np.arange(count) + rng.uniform()) / count)
-        shared = every[rng.permutation(np.minimum(at, len(every) - 1))]
-    else:
-        shared = np.zeros((count, 0))
+        at = rng.permutation(np.minimum(at, len(weights) - 1))
+    shared = np.concatenate(draws)[at] if s else np.zeros((count, 0))
     states = []
-    for run, parts, answer, width in zip(problem.runs, found.point.states, answers, widths, strict=True):
-        first = np.concatenate(parts) if parts else np.zeros(0)
-        moved = first + (shared - centre) @ answer.T + rng.standard_normal((count, width.shape[1])) @ width.T
-        cuts = np.cumsum([b.states.count for b in run])[:-1]
-        states.append(tuple(np.split(moved, cuts, axis=1)))
+    for run, parts, place, width in zip(problem.runs, found.point.states, places, widths, strict=True):
+        first = np.concatenate(place)[at] if s else np.concatenate(parts)
+        scattered = first + rng.standard_normal((count, width.shape[1])) @ width.T
+        states.append(tuple(np.split(scattered, np.cumsum([b.states.count for b in run])[:-1], axis=1)))
     return Posterior(shared, tuple(states), float(1.0 / (weights**2).sum()) if s else float(count))
 
 
-def _profiled(problem: Problem, at: Point, answers: list[Array], shared: Array, remainder: float) -> Array:
-    """Return chi-square (K,) at shared coordinates (K, S) with initial states where they follow."""
-    states = []
-    for own, run, answer in zip(at.states, problem.runs, answers, strict=True):
-        moved = np.concatenate(own) + (shared - at.shared) @ answer.T
-        states.append(np.split(moved, np.cumsum([b.states.count for b in run])[:-1], axis=1))
-    total: Array = problem.prior_costs(shared) + problem.run_costs(shared, states, 1.0).sum(axis=1) / remainder
-    return total
+def _profiled(
+    problem: Problem, found: Minimum, answers: list[Array], inverses: list[Array], shared: Array, remainder: float
+) -> tuple[Array, list[Array]]:
+    """Return chi-square (K,) at shared coordinates (K, S), initial states where they follow, and these (K, n) by run.
+
+    The step takes residuals where the states follow linearly, and slopes of the minimum.
+    """
+    huber, at = problem.settings.huber, found.point
+    flat = [np.concatenate(own) + (shared - at.shared) @ a.T for own, a in zip(at.states, answers, strict=True)]
+    cuts = [np.cumsum([0, *(b.states.count for b in run)]) for run in problem.runs]
+    states = [np.split(own, cut[1:-1], axis=1) for own, cut in zip(flat, cuts, strict=True)]
+    settings = [(b, shared, states[r][i]) for r, run in enumerate(problem.runs) for i, b in enumerate(run)]
+    evaluated = iter(zip(problem.evaluate(settings, 1.0), found.normal.slopes, strict=True))
+    total = np.zeros(len(shared))
+    for r, run in enumerate(problem.runs):
+        gradient = np.zeros_like(flat[r])
+        for i, block in enumerate(run):
+            own = slice(cuts[r][i], cuts[r][i + 1])
+            one, slopes = next(evaluated)
+            prior = (states[r][i] - block.states.prior[:, 0]) / block.states.prior[:, 1]
+            total += huber_loss(one.residuals, huber).sum(axis=1) + (prior**2).sum(axis=1)
+            gradient[:, own] += (one.residuals * huber_weights(one.residuals, huber)) @ slopes.states
+            gradient[:, own] += prior / block.states.prior[:, 1]
+            if one.end is not None and slopes.end is not None:
+                start, turn = link_start(run[i + 1], block, states[r][i + 1])
+                apart = one.end - start
+                total += huber_loss(apart, huber).sum(axis=1)
+                apart = apart * huber_weights(apart, huber)
+                gradient[:, own] += apart @ slopes.end[2]
+                gradient[:, cuts[r][i + 1] : cuts[r][i + 2]] -= apart @ turn
+        step = gradient @ inverses[r]
+        total -= (gradient * step).sum(axis=1)
+        flat[r] = flat[r] - step
+    return problem.prior_costs(shared) + total / remainder, flat

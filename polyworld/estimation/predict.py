@@ -49,7 +49,8 @@ class Prediction:
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready values."""
         rows = [
-            {**vars(b), "spread": list(b.spread), "decided_by": [{"constant": n, "part": p} for n, p in b.decided_by]} for b in self.bodies
+            {**vars(b), "spread": list(b.spread), "decided_by": [{"constant": n, "part": p} for n, p in b.decided_by]}
+            for b in self.bodies
         ]
         return {"frame": self.frame, "bodies": rows, "inside": self.inside if np.isfinite(self.inside) else None}
 

@@ -64,7 +64,7 @@ class Block:
     observer: Callable[[BatchTrajectory, Mapping[str, Array]], BatchTrajectory] | None = None
     groups: tuple[frozenset[str], ...] = ()
     seat: Seat = field(init=False, repr=False)
-    _terms: dict[str, list[tuple[int, float, bool]]] = field(init=False, repr=False)
+    _terms: dict[str, list[tuple[int, float, bool, float]]] = field(init=False, repr=False)
 
     def prepare(self, shared: Sequence[Unknown], machines: Machines) -> None:
         """Take a seat, and find which shared unknowns count in this block's world."""
@@ -76,7 +76,7 @@ class Block:
             powers = u.powers or (1.0,) * len(u.paths)
             for path, power in zip(u.paths, powers, strict=True):
                 if path in known and u.run in (None, self.name):
-                    self._terms.setdefault(path, []).append((i, power, u.scale == "log"))
+                    self._terms.setdefault(path, []).append((i, power, u.scale == "log", u.lower))
         self._limits = {path: (known[path].lower, known[path].upper) for path in self._terms}
 
     def touched(self, shared: Sequence[Unknown]) -> Flags:
@@ -116,8 +116,12 @@ class Block:
         """Return values (k,) by path of shared coordinates (k, S) and states (k, N)."""
         found: dict[str, Array] = {}
         for path, terms in self._terms.items():
-            i, power, logarithmic = terms[0]
-            value = np.exp(sum(p * shared[:, j] for j, p, _ in terms)) if logarithmic else power * shared[:, i]
+            i, power, logarithmic, lower = terms[0]
+            value = (
+                np.exp(sum(p * shared[:, j] for j, p, *_ in terms))
+                if logarithmic
+                else power * np.maximum(shared[:, i], lower)
+            )
             found[path] = np.clip(value, *self._limits[path])
         found |= self.states.overrides(states, found)
         if self.derive is not None:

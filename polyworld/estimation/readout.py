@@ -18,6 +18,7 @@ from polyworld.model import model_of
 from polyworld.probing.readouts import Centreline, check_readable, read
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World, geometry
+from polyworld.world.shapes import Sphere
 from polyworld.world.symmetry import smallest_rotation, turn_about
 
 Array = NDArray[np.float64]
@@ -120,7 +121,9 @@ def _tracks(world: World, tracks: ObservedTracks) -> tuple[Entries, Entries]:
     axes = geometry.plane_axes(world.environment.motion_plane)
     fluids = {d.name for d in world.of_form("liquid")}
     order = np.array(tracks.symmetry, dtype=np.int64)
-    turns = np.array([n not in fluids for n in tracks.names], dtype=bool) & ((order != 0) | (not world.planar))
+    round_ = {o.name for o in world.objects if isinstance(o.shape, Sphere)}
+    tilts = np.array([not world.planar and n not in round_ for n in tracks.names], dtype=bool)
+    turns = np.array([n not in fluids for n in tracks.names], dtype=bool) & ((order != 0) | tilts)
     turned = turns & (tracks.orientation_confidence > 0.0) & np.all(np.isfinite(tracks.orientations), axis=-1)
 
     def moved(batch: BatchTrajectory, rows: Ints, owner: Ints) -> Array:

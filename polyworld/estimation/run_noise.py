@@ -96,7 +96,7 @@ def _level(times: Array, values: Array, order: int) -> float | None:
         differences = np.diff(values, order)[whole]
         if len(differences) < FEWEST:
             break
-        own = _trimmed(differences) / np.sqrt(comb(2 * order, order))
+        own = float(_trimmed(differences) / np.sqrt(comb(2 * order, order)))
         if level is not None and own**2 > FALLING * level**2:
             break
         level, order = own, order + 1
@@ -111,7 +111,7 @@ def _turn_level(run: Run, column: int) -> float | None:
     if len(q) < 4 + FEWEST:
         return None
     steps = rotation_vector(q[1:], q[:-1])
-    return _trimmed(np.diff(steps, 2, axis=0).ravel()) / np.sqrt(comb(6, 3))
+    return float(_trimmed(np.diff(steps, 2, axis=0).ravel()) / np.sqrt(comb(6, 3)))
 
 
 def _trimmed(values: Array) -> float:
@@ -127,4 +127,4 @@ def _rounding(values: Array) -> float:
     steps = np.unique(values)
     if not 1 < len(steps) <= 0.8 * len(values):
         return 0.0
-    return float(np.diff(steps).min()) / np.sqrt(12.0)
+    return float(np.diff(steps).min() / np.sqrt(12.0))

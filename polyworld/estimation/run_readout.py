@@ -52,6 +52,7 @@ class RunReadout:
         sigma = np.concatenate([noise.position, noise.turn, noise.spin], axis=1)
         self.sigma = sigma.reshape(-1)  # (9 n,)
         self.measured: Bools = measured.reshape(t, -1)
+        self.size = int(self.measured.sum())
         self._markers: dict[int, MaterialPoints] = {}
         for column, name in enumerate(run.names):
             if "#" in name:
@@ -60,11 +61,6 @@ class RunReadout:
                     raise ValueError(f"marker {name!r} of run {run.name!r} is never seen in all three components")
                 mesh = mesh_of(world, world.deformable(owner(name)))
                 self._markers[column] = material_points(mesh, run.positions[rows[0], column][None])
-
-    @property
-    def count(self) -> int:
-        """Number of measured values."""
-        return int(self.measured.sum())
 
     def residuals(self, batch: BatchTrajectory, samples: int) -> Array:
         """Return standardised residuals (k, m) within the first `samples` instants."""

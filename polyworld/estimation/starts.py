@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +51,8 @@ def initial_state(stretch: Stretch, settings: PriorSettings, rolling: Rolling, *
                 parts.append(StateMap(own.labels, own.start, own.typical, none, own.overrides))
     for item in world.objects:
         state = seen.get(item.name)
+        if state is not None and stretch.carried:  # a collision may leave a speed too slow to tell from rest
+            state = replace(state, moves=True)
         if item.name in held or (state is None and not stretch.carried):
             continue
         symmetry = tracks.symmetry[tracks.index(item.name)] if item.name in tracks.names else 0
@@ -140,7 +143,17 @@ def _supported(
     if spins:
         rate = float(np.asarray(item.angular_velocity) @ n)
         labels, start, typical, prior = [*labels, "turning"], [*start, rate], [*typical, SPIN], [*prior, [0.0, np.inf]]
-    rolls = support.rolls and moves
+    if support.turns:
+        labels, start, typical = (
+            [*labels, *(f"rotation.{a}" for a in "xyz")],
+            [*start, *[0.0] * 3],
+            [*typical, *[TURN] * 3],
+        )
+        prior = [*prior, *[[0.0, np.inf]] * 3]
+        if moves:
+            labels, typical = [*labels, *(f"spin.{a}" for a in "xyz")], [*typical, *[SPIN] * 3]
+            start, prior = [*start, *(float(v) for v in item.angular_velocity)], [*prior, *[[0.0, np.inf]] * 3]
+    rolls = support.rolls and moves and not support.turns
     ratio = 1.0 if rolling == "rolls" else 0.0
     if rolls and rolling != "skids":
         labels, start, typical, prior = (
@@ -163,11 +176,15 @@ def _supported(
             spin = rolled * values[:, [index["roll"]]]
         if "turning" in index:
             spin = spin + values[:, [index["turning"]]] * n
+        if "spin.x" in index:
+            spin = values[:, index["spin.x"] : index["spin.x"] + 3]
         for k, a in enumerate("xyz"):
             found[f"{head}position.{a}"], found[f"{head}velocity.{a}"] = place[:, k], along[:, k]
             found[f"{head}angular_velocity.{a}"] = spin[:, k]
             if heading:
                 found[f"{head}rotation.{a}"] = values[:, index["heading"]] * n[k]
+            elif support.turns:
+                found[f"{head}rotation.{a}"] = values[:, index[f"rotation.{a}"]]
         if rolls and rolling == "skids":
             found[f"{head}rolling_resistance"] = np.full(count, SKIDS * radius)
         return found

@@ -158,10 +158,14 @@ def stretches(
         velocity = {n: max(settings.jump * jump, settings.near) if n in who else settings.near for n in shared}
         found[i] = replace(here, link=Link(later.begin - here.begin, place, velocity, who))
     ends = [*(s.begin for s in found[1:]), np.inf]
-    return tuple(replace(s, groups=together(world, tracks, noise, s.begin, end)) for s, end in zip(found, ends, strict=True))
+    return tuple(
+        replace(s, groups=together(world, tracks, noise, s.begin, end)) for s, end in zip(found, ends, strict=True)
+    )
 
 
-def together(world: World, tracks: ObservedTracks, noise: Array, begin: float, end: float) -> tuple[frozenset[str], ...]:
+def together(
+    world: World, tracks: ObservedTracks, noise: Array, begin: float, end: float
+) -> tuple[frozenset[str], ...]:
     """Partition rigid bodies by who may touch whom between two times [s], as their tracks have it.
 
     () where joints, effects or bodies without a track may tie them, or other than rigid ones move.

@@ -6,7 +6,7 @@ faces or rolls, and what a track shows otherwise is noise. Started from that noi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,8 @@ class Support:
 
     static: name of what supports it. normal (3,): of the surface. position (3,) [m], orientation (4,): of the body in
     contact, nearest to what was observed. axis (3,): about which it rolls, None for a ball, which rolls about any, and
-    for what lies on a face. rolls: whether it can. height [m]: of its centre over the surface.
+    for what lies on a face. rolls: whether it can. height [m]: of its centre over the surface. turns: a ball whose rotation
+    was measured, and therefore its spin.
     """
 
     static: str
@@ -37,6 +38,7 @@ class Support:
     axis: Array | None
     rolls: bool
     height: float
+    turns: bool = False
 
     @property
     def level(self) -> bool:
@@ -70,7 +72,9 @@ def supports(world: World, tracks: ObservedTracks, settings: SupportSettings | N
         own = [_on(item, state, points, times, noise, *face, settings) for face in faces]
         best = [s for s in own if s is not None]
         if best:
-            found[item.name] = min(best, key=lambda s: float(np.linalg.norm(s.position - state.position)))
+            nearest = min(best, key=lambda s: float(np.linalg.norm(s.position - state.position)))
+            turns = isinstance(item.shape, Sphere) and state.orientation is not None and tracks.symmetry[column] != 0
+            found[item.name] = replace(nearest, turns=turns)
     return found
 
 
@@ -90,7 +94,9 @@ def with_supports(world: World, tracks: ObservedTracks, settings: SupportSetting
         n = support.normal
         velocity = np.asarray(item.velocity) - n * (n @ np.asarray(item.velocity))
         spin = n * (n @ np.asarray(item.angular_velocity))
-        if support.rolls:
+        if support.turns:
+            spin = np.asarray(item.angular_velocity)
+        elif support.rolls:
             spin = rolling_spin(item, support, velocity) + (0.0 if support.axis is None else spin)
         state = {"position": support.position, "orientation": support.orientation, "velocity": velocity}
         fields = {key: tuple(float(v) for v in value) for key, value in (state | {"angular_velocity": spin}).items()}

@@ -34,12 +34,13 @@ def through(world: World, blocks: Sequence[Block], members: Sequence[Values]) ->
     world: of the first stretch; members: parameters (N,) by path of each stretch, of the same N members. The first pulse brings a body to speed and
     on its way to the place where the next stretch begins; the second, one duration later, stops what was for the place.
     """
-    joint, begin = dict(members[0]), 0.0
+    joint, begin, frame = dict(members[0]), 0.0, world.time.seconds_per_frame
     for number, (block, later) in enumerate(zip(blocks[:-1], blocks[1:], strict=True), start=1):
         link = block.link
         assert link is not None
         begin += link.time
-        length = max(0.5 * world.time.seconds_per_frame, 2.0 * world.time.substep)
+        step = frame / np.ceil(frame / world.time.substep - 1e-9)
+        length = step * max(2, round(0.5 * frame / step))  # whole steps, over which a pulse is exact
         count = len(next(iter(joint.values())))
         end = simulator(world, np.array([begin]), n_worlds=count).run(joint)
         added: list[Effect] = []
@@ -48,7 +49,9 @@ def through(world: World, blocks: Sequence[Block], members: Sequence[Values]) ->
             item, column = world.object(name), end.names.index(name)
             faster = _missing(later.world, members[number], name, "velocity", end.velocities[:, -1, column])
             apart = _missing(later.world, members[number], name, "position", end.positions[:, -1, column])
-            spun = _missing(later.world, members[number], name, "angular_velocity", end.angular_velocities[:, -1, column])
+            spun = _missing(
+                later.world, members[number], name, "angular_velocity", end.angular_velocities[:, -1, column]
+            )
             mass = joint.get(f"objects.{name}.mass", np.full(count, object_mass(item)))[:, None]
             stopped = mass / length * (apart + 0.5 * length * faster)
             turned = mass * np.einsum("nij,nj->ni", _inertia(item, end.orientations[:, -1, column]), spun)

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf
 from typing import Any
 
-from polyworld.gap_new.candidate import Variant
 from polyworld.estimation.unknown import Unknown
+from polyworld.gap_new.candidate import Variant
 from polyworld.world import World
 from polyworld.world.parameters import parameter_paths, read_parameter, specification
 

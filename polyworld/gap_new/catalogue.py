@@ -8,8 +8,8 @@ import pkgutil
 from collections.abc import Sequence
 from functools import cache
 
-from polyworld.gap_new.candidate import Candidate
 from polyworld.gap_new import faults
+from polyworld.gap_new.candidate import Candidate
 from polyworld.gap_new.effect_candidates import effect_candidates
 
 # Groups in the order in which readers meet them; within a group, candidates stand as their modules are named.

@@ -51,8 +51,14 @@ def score(pool: Sequence[Fitted], counts: Array) -> float:
     return share
 
 
-def choose(pool: Sequence[Fitted], settings: GapSettings, share: float, chosen: Array | None = None) -> Choice:
-    """Choose from a scored pool. chosen: folds, as resampled; default: each once.
+def choose(
+    pool: Sequence[Fitted],
+    settings: GapSettings,
+    share: float,
+    chosen: NDArray[np.int64] | None = None,
+    kept: Sequence[int] = (),
+) -> Choice:
+    """Choose from a scored pool. chosen: folds, as resampled; default: each once. kept: folds in every resampling.
 
     Near the best is what is within `nats` of it, or better in a `share` of bootstraps over folds: gains that some runs
     have and others have not, such as those of a wall, make no standard error.
@@ -66,27 +72,51 @@ def choose(pool: Sequence[Fitted], settings: GapSettings, share: float, chosen: 
     count = scores.shape[1]
     if chosen is None and count > 2:
         times = np.random.default_rng(settings.seed + 1).multinomial(count, np.ones(count) / count, settings.bootstraps)
+        times[:, list(kept)] = np.maximum(times[:, list(kept)], 1)
         behind = (scores - scores[best]) @ times.T + (price - price[best])[:, None]
         near |= (behind <= 0.0).mean(axis=1) >= settings.share
     cost = np.array([f.simplicity for f in pool])
     least = cost[near].min()
-    simple = [i for i in np.flatnonzero(near) if cost[i] <= least + 1e-6]
-    winner = min(simple, key=lambda i: totals[i])
-    return Choice(pool[winner], tuple(pool[i] for i in np.flatnonzero(near)), pool[best], share)
+    simple = [i for i in np.flatnonzero(near).tolist() if cost[i] <= least + 1e-6]
+    winner = min(simple, key=lambda i: float(totals[i]))
+    return Choice(pool[winner], tuple(pool[i] for i in np.flatnonzero(near).tolist()), pool[best], share)
 
 
-def winners(pool: Sequence[Fitted], settings: GapSettings, share: float) -> list[Fitted]:
-    """Return the choice in each bootstrap over folds."""
+def winners(pool: Sequence[Fitted], settings: GapSettings, share: float, kept: Sequence[int] = ()) -> list[Fitted]:
+    """Return the choice in each bootstrap over folds. kept: folds in every one."""
     count = len(pool[0].scores)
     rng = np.random.default_rng(settings.seed)
-    return [choose(pool, settings, share, rng.integers(0, count, count)).chosen for _ in range(settings.bootstraps)]
+    found = []
+    for _ in range(settings.bootstraps):
+        drawn = rng.integers(0, count, count)
+        drawn[: len(kept)] = np.where(np.isin(kept, drawn), drawn[: len(kept)], kept)
+        found.append(choose(pool, settings, share, drawn).chosen)
+    return found
+
+
+def helped_folds(fitted: Fitted, pool: Sequence[Fitted], null: Fitted) -> list[int]:
+    """Return the folds that show a law that acts at one place: resampling may not lose the only run that meets it."""
+    known = {f.hypothesis.key: f for f in pool}
+    found: set[int] = set()
+    for part in fitted.hypothesis.parts:
+        if part.candidate.local:
+            less = known.get(fitted.hypothesis.key - {(part.candidate.name, part.variant.label)}, null)
+            found |= set(np.flatnonzero(_helped(fitted, less)).tolist())
+    return sorted(found) if 2 * len(found) <= len(fitted.errors) else []
+
+
+def _helped(fitted: Fitted, less: Fitted) -> NDArray[np.bool_]:
+    halved = fitted.ground.settings.halved
+    helped: NDArray[np.bool_] = fitted.errors < 0.5 * (1.0 + halved) * less.errors
+    return helped
 
 
 def credible(pool: Sequence[Fitted], null: Fitted) -> list[Fitted]:
     """Return the hypotheses whose values are possible and whose effects are no stand-ins.
 
     What has a place or a clock bends to whatever is left: beside the hypothesis without it, it has to halve the error
-    or to reach the noise. What acts at one place must help two runs at least, else a run is unlike the others.
+    or to reach the noise. What acts at one place must help two runs, or bring one to the noise, else a run
+    is unlike the others.
     """
     settings = null.ground.settings
     counts = null.ground.counts
@@ -100,8 +130,9 @@ def credible(pool: Sequence[Fitted], null: Fitted) -> list[Fitted]:
             less = known.get(without, null)
             if part.stands_in and typical_error(f) > max(settings.near_noise, settings.halved * typical_error(less)):
                 break
-            helped = np.sum(f.errors < 0.5 * (1.0 + settings.halved) * less.errors)
-            if part.candidate.local and len(counts) == len(f.errors) >= settings.fewest_runs and helped < 2:
+            helped = _helped(f, less)
+            alone = helped.sum() < 2 and np.all(f.errors[helped] > settings.near_noise)
+            if part.candidate.local and len(counts) == len(f.errors) >= settings.fewest_runs and alone:
                 break
         else:
             found.append(f)

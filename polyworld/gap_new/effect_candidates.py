@@ -10,9 +10,9 @@ from polyworld.data.recording import Recording
 from polyworld.effects import ABSENCES, CATALOGUE
 from polyworld.effects.absence import Way
 from polyworld.effects.conditions import Conditions
-from polyworld.gap_new.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap_new.adding import free_name, neutral, of_path, with_parts
+from polyworld.gap_new.candidate import Candidate, Variant
 from polyworld.gap_new.conditions import conditions
 from polyworld.world import Effect, World
 

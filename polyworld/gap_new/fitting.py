@@ -22,9 +22,10 @@ class Fitted:
     """A fitted hypothesis.
 
     scale: robust standard deviation of its residuals in those of the noise, at least 1. cost: robust chi-square over
-    squared scales. early: the point that a short horizon gave. Of its held-out prediction: errors (F,) by fold in
-    standard deviations of the noise; residuals by run as grids (T, C), of each fold as it was predicted; values (F, S)
-    without each fold; simplicity: cost of its effects in nats, price: that and what is surprising in its values; scores (F,), and the total, as compared with others.
+    squared scales. early: the point that a short horizon gave. Held out: errors (F,) by fold in standard deviations of
+    the noise; grids: residuals by run (T, C), each fold as it was predicted; left_out (F, S): values without each fold.
+    simplicity: cost of its effects in nats, price: that and what is surprising in its values. scores (F,), total: as
+    compared with others.
     """
 
     hypothesis: Hypothesis

@@ -29,6 +29,7 @@ CLOCK = "time.seconds_per_frame"
 COARSER = (8.0, 4.0, 2.0)  # times the world's substep
 COARSEST = 0.02  # [s]
 ALIKE = 0.03  # standard deviations of the noise by which a coarser motion may differ
+RELATIVELY = 1e-3  # of what the world is off at its start
 DESCENT = DescentSettings(dampings=(0.03, 1.0, 30.0, 1000.0))
 
 
@@ -55,7 +56,7 @@ class Ground:
         self._everywhere = {owner(n) for run in self.recording.runs for n in run.names}
         runs, noise = self.recording.runs, self.noise
         self.readouts = tuple(RunReadout(self.world, r, n) for r, n in zip(runs, noise, strict=True))
-        self.counts = np.array([float(r.count) for r in self.readouts])
+        self.counts = np.array([float(r.size) for r in self.readouts])
         if not self.counts.all():
             empty = [r.name for r, c in zip(runs, self.counts, strict=True) if not c]
             raise ValueError(f"runs {empty} hold no measured component")
@@ -108,7 +109,8 @@ def ground_of(world: World, recording: Recording, settings: GapSettings) -> Grou
             continue
         coarse = Ground(world.with_substep(substep), recording, settings, noise)
         apart = _start_residuals(coarse) - reference
-        if np.isfinite(apart).all() and float(np.sqrt(np.mean(apart**2))) < ALIKE:
+        alike = max(ALIKE, RELATIVELY * float(np.sqrt(np.mean(reference**2))))
+        if np.isfinite(apart).all() and float(np.sqrt(np.mean(apart**2))) < alike:
             return coarse
     return ground
 

@@ -7,6 +7,7 @@ stretch follows by the chain of all motion before, is then estimated from the re
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -45,7 +46,7 @@ def folds_of(ground: Ground, settings: GapSettings) -> tuple[Fold, ...]:
     for r, run in enumerate(runs):
         number = max(2, round(settings.folds * len(run.times) / float(lengths.sum())))
         edges = np.linspace(0, len(run.times), number + 1).astype(int)
-        found += [Fold(r, int(a), int(b), False) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        found += [Fold(r, int(a), int(b), False) for a, b in itertools.pairwise(edges)]
     return tuple(found)
 
 
@@ -185,7 +186,7 @@ def _by_stretches(fitted: Fitted, folds: Sequence[Fold]) -> None:
     full = first[-1]
     threshold = fitted.problem.settings.huber
 
-    def equations(r: int, rows: Array | slice) -> tuple[Array, Array]:
+    def equations(r: int, rows: NDArray[np.bool_] | slice) -> tuple[Array, Array]:
         one = fitted.slopes[r]
         slopes = np.zeros((len(one.residuals[rows]), full))
         slopes[:, :s], slopes[:, first[r] : first[r + 1]] = one.shared[rows], one.states[rows]
@@ -204,9 +205,10 @@ def _by_stretches(fitted: Fitted, folds: Sequence[Fold]) -> None:
     points = []
     for fold in folds:
         a, b = equations(fold.run, _inside(fitted.ground, fold))
-        step = typical * np.linalg.lstsq(
-            (matrix - a + prior) * typical[:, None] * typical, (pull - b) * typical, rcond=1e-12
-        )[0]
+        step = (
+            typical
+            * np.linalg.lstsq((matrix - a + prior) * typical[:, None] * typical, (pull - b) * typical, rcond=1e-12)[0]
+        )
         points.append(np.clip(at + step, lower, upper))
     settings = []
     for r, run in enumerate(problem.runs):

@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 
 from polyworld.data.recording import Recording
-from polyworld.gap_new.candidate import Candidate
 from polyworld.estimation.unknown import Unknown
+from polyworld.gap_new.candidate import Candidate
 from polyworld.gap_new.catalogue import catalogue
 from polyworld.gap_new.choose import credible
 from polyworld.gap_new.ground import Ground, ground_of
@@ -109,6 +109,9 @@ def _search(
         search.plain()
         last = turn == PASSES - 1
         bad = [] if last else outlying(credible(search.pool, search.null)[0])
+        if len(bad) == 1:
+            search.places()
+            bad = outlying(credible(search.pool, search.null)[0])
         if len(bad) != 1:
             search.forward()
             bad = [] if last else outlying(credible(search.pool, search.null)[0])

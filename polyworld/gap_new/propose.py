@@ -8,19 +8,20 @@ wall does, has no such slope: its starts are read off the changes of course and 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap_new.candidate import Candidate
 from polyworld.estimation.least_squares import Point
+from polyworld.gap_new.candidate import Candidate
 from polyworld.gap_new.fitting import Fitted, weights
 from polyworld.gap_new.hypothesis import Hypothesis, extended, replace_starts, starts_of
 
 Array = NDArray[np.float64]
 
-BEGINNINGS = (0.06, 0.12)  # shares of the time over which periods are compared
+BEGINNINGS = (0.05, 0.12, 0.3)  # shares of the time over which periods are compared
+BRIEF = 3  # iterations of fits that compare them
 ENOUGH = 50.0  # nats against the bare noise from which a start is tried although model error drowns it
 SMALL = 0.3  # of an ordinary change: start of a strength whose slope points beyond its bound
 
@@ -85,7 +86,11 @@ def proposals(parent: Fitted, candidates: Sequence[Candidate], keep: int, share:
                 own += _sudden(parent, hypothesis, keep)
             else:
                 own += _scored(parent, hypothesis, projection, keep, share)
-        found += sorted(own, key=lambda s: -s.gain)[: keep if candidate.local else 2 * keep]
+            if candidate.plain and part.shared and any(p.rescales for p in parent.hypothesis.parts):
+                added = np.array([u.start + (SMALL * u.typical if u.lower >= u.start else 0.0) for u in part.shared])
+                early = _point(parent, hypothesis, added, early=True)  # without it, phases drift and slopes mislead
+                own.append(Start(hypothesis, early, np.inf, growing=True))
+        found += sorted(own, key=lambda s: -s.gain)[: 2 * keep]
     return found
 
 
@@ -114,7 +119,10 @@ def _scored(parent: Fitted, hypothesis: Hypothesis, projection: Projection, keep
         shared[1 + j :: a + 1, first + i] += step[:, i]
     point = _point(parent, hypothesis, starts[0])
     slopes, starting = [], []
-    jobs = [(run[0], shared, np.repeat(own[0][None], len(shared), 0)) for run, own in zip(problem.runs, point.states, strict=True)]
+    jobs = [
+        (run[0], shared, np.repeat(own[0][None], len(shared), 0))
+        for run, own in zip(problem.runs, point.states, strict=True)
+    ]
     for r, one in enumerate(problem.evaluate(jobs, 1.0)):
         moved = one.residuals.reshape(k, a + 1, -1)
         z = (moved[:, 1:] - moved[:, :1]) / step[:, acting][:, :, None]  # (k, a, m)
@@ -167,11 +175,14 @@ def _rescaled(parent: Fitted, hypothesis: Hypothesis, keep: int) -> list[Start]:
     problem.settings = parent.problem.settings
     fresh = problem.start().states
     points = [Point(np.concatenate([parent.values, s]), fresh) for s in starts]
-    best: dict[int, float] = {}
+    problem.settings = replace(problem.settings, iterations=BRIEF)
+    ends = []
     for share in BEGINNINGS:
-        costs = problem.costs(points, share) / parent.scale**2
-        best.setdefault(int(np.argmin(costs)), float(costs.min()))
-    found = [Start(hypothesis, points[i], np.inf, growing=True) for i in best]
+        fitted = [problem.descend(p, share) for p in points]
+        order = sorted(fitted, key=lambda m: m.cost)
+        points = [m.point for m in order[: max(2, len(order) // 4)]]
+        ends = order
+    found = [Start(hypothesis, m.point, np.inf, growing=True) for m in ends[:2]]
     slope = _scored(parent, replace_starts(hypothesis), Projection(parent), 1, 1.0)
     return [*slope, *found][: 1 + keep]
 

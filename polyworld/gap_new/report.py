@@ -88,7 +88,12 @@ def effects_of(fitted: Fitted) -> list[dict[str, Any]]:
     for i, part in enumerate(fitted.hypothesis.parts):
         at = fitted.hypothesis.of_part(i)
         unknowns = {
-            u.name: {"value": float(v), "unit": u.unit, "interval95": [float(e[0]), float(e[1])], "paths": list(u.paths)}
+            u.name: {
+                "value": float(v),
+                "unit": u.unit,
+                "interval95": [float(e[0]), float(e[1])],
+                "paths": list(u.paths),
+            }
             for u, v, e in zip(part.shared, fitted.values[at], ends[at], strict=True)
         }
         found.append(
@@ -116,7 +121,10 @@ def _listed(fitted: Fitted) -> dict[str, Any]:
 
 def _noise(fitted: Fitted) -> dict[str, Any]:
     ground = fitted.ground
-    levels = [n.position[np.isfinite(r.positions).any(axis=0)] for r, n in zip(ground.recording.runs, ground.noise, strict=True)]
+    levels = [
+        n.position[np.isfinite(r.positions).any(axis=0)]
+        for r, n in zip(ground.recording.runs, ground.noise, strict=True)
+    ]
     every = np.concatenate([np.atleast_1d(x) for x in levels]) if levels else np.zeros(0)
     return {"position": float(np.median(every)) if len(every) else None, "unit": "m"}
 

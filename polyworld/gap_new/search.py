@@ -41,6 +41,12 @@ class Search:
         self.counts = fold_counts(self.ground, self.folds)
         self._seen: set[frozenset[tuple[str, str]]] = set()
 
+        lengths = [c for c in self.library if c.name == "length_error"]
+        if any(
+            c.variants(self.base.world, self.ground.recording) for c in lengths
+        ):  # gravity over length is one number
+            self.library = [c for c in self.library if c.name != "gravity_error"]
+
     def plain(self) -> None:
         """Fit the base, and plain laws alone and in pairs: these are always tried and always reported."""
         self.null = fit(self.ground, self.base, growing=True, scale=1.0)
@@ -54,6 +60,12 @@ class Search:
                 pairs += self._brief(proposals(parent, [b], 1))
         self._add(self._finished(pairs))
         self.report("plain laws", {"best": self.pool[0].hypothesis.title})
+
+    def places(self) -> None:
+        """Try what acts at one place on top of the best plain laws: it may be what makes one run unlike the others."""
+        local = [c for c in self.library if c.group == "structure"]
+        self._add(self._level([self.pool[0]], local, self.ground.settings.starts))
+        self.report("places", {"best": self.pool[0].hypothesis.title})
 
     def forward(self) -> None:
         """Add effects of the whole library one by one, while prediction gains by it."""
@@ -114,13 +126,19 @@ class Search:
         order = sorted(by.values(), key=lambda f: f.objective)
         if order:  # what gains little beside the best of its kind cannot be the one law that is missing
             most = self.null.objective - min(order[0].objective, self.null.objective)
-            order = [f for f in order if self.null.objective - f.objective >= settings.worth * most or _expected(f.hypothesis)]
+            order = [
+                f
+                for f in order
+                if self.null.objective - f.objective >= settings.worth * most or _expected(f.hypothesis)
+            ]
         order = [*order[: settings.tried], *(f for f in order[settings.tried :] if _expected(f.hypothesis))]
-        return [fit(self.ground, f.hypothesis, f.point, False, settings.full, f.scale) for f in order]
+        found = [fit(self.ground, f.hypothesis, f.point, False, settings.full, f.scale) for f in order]
+        for last, first in zip(found, order, strict=True):
+            last.early = first.early
+        return found
 
     def _add(self, new: Sequence[Fitted]) -> None:
         for one in new:
-            one.early = one.early if one.early is not one.point else one.point
             predict_left_out(one, self.folds)
             self._seen.add(one.hypothesis.key)
         self.pool += list(new)

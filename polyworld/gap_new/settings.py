@@ -24,10 +24,10 @@ class GapSettings:
     and the horizontal are known.
 
     Search. depth: most laws together. branches: hypotheses of one depth that are extended. starts: of a law with
-    places that are fitted. tried: hypotheses of one depth that are fitted to the end. brief, full: iterations of both. samples: of a run that are
-    fitted, so that twenty oscillations have a dozen each.
-    probe: share of an ordinary change by which score tests displace. worth: share of the best gain in fit that a hypothesis must have to be
-    compared by prediction.
+    places that are fitted. tried: hypotheses of one depth that are fitted to the end. samples: of a run that are
+    fitted, so that twenty oscillations have a dozen each. brief, full: iterations of first and last fits. probe: share
+    of an ordinary change by which score tests displace. worth: share of the best gain in fit that a hypothesis must
+    have to be compared by prediction.
 
     Runs. fewest_runs: for which each run is one fold; folds: into which fewer runs are cut in all. outlying: times the
     median error, and the noise, beyond which a run is set aside. most_aside: share of runs that may be. soft:

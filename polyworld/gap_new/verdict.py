@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from polyworld.gap_new.choose import choose, credible, typical_error, winners
+from polyworld.gap_new.choose import choose, credible, helped_folds, typical_error, winners
 from polyworld.gap_new.fitting import Fitted
 from polyworld.gap_new.held_out import reduced
 
@@ -50,9 +50,10 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
         trusted = [f for f in trusted if not any(p.stands_in for p in f.hypothesis.parts)]
     if null not in trusted:
         trusted.append(null)
-    choice = choose(trusted, settings, share)
+    kept = helped_folds(min(trusted, key=lambda f: f.total), trusted, null)
+    choice = choose(trusted, settings, share, kept=kept)
     named = choice.chosen
-    drawn = winners(trusted, settings, share)
+    drawn = winners(trusted, settings, share, kept)
     names = {n for f in drawn for n in f.hypothesis.names}
     frequency = {n: float(np.mean([n in f.hypothesis.names for f in drawn])) for n in sorted(names)}
     if not any(_competes(f, named) for f in choice.near):

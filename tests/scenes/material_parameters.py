@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from polyworld.data.shape_series import ShapeSeries
 from polyworld.data.tracks import ObservedTracks, shapes_only
-from polyworld.estimation.world_fit import Unknown
+from polyworld.estimation.unknown import Unknown
 from polyworld.probing.readouts import (
     Amount,
     Centreline,

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from polyworld.data.recording import Recording
 from polyworld.effects.absence import coordinates
 from polyworld.effects.conditions import Conditions
-from polyworld.gap_new.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap_new.adding import free_name, of_path, with_parts
+from polyworld.gap_new.candidate import Candidate, Variant
 from polyworld.gap_new.conditions import conditions, reach
 from polyworld.gap_new.kinks import Kink, kinks
 from polyworld.world import StaticObject, World, geometry

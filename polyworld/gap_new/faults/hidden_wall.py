@@ -34,6 +34,9 @@ SKEW = 0.15  # error of a wall's direction that noise may make [rad]
 FRICTION = 0.5  # whose cone bends jumps off the normal, as between dry surfaces
 NEARBY = 0.5  # of a body's radius, within which two hits are too near to show how a wall runs
 SAME_FACE = 0.05  # angle [rad], and share of a body's radius, within which two walls are one
+DIRECTIONS = 16  # of planes at the edges of what was visited
+OUTERMOST = 0.005  # share of places that noise may have put beyond them
+GUESS = 0.7  # restitution where no change of course shows it
 SURFACE_SPEED = 3.0  # [m/s] of a ball's surface by a spin that nobody measured, as a hand or a racket gives
 
 
@@ -56,7 +59,9 @@ def _wall(world: World, recording: Recording) -> tuple[Variant, ...]:
     made = []
     # A wall is described by where it crosses one axis, the one that it is most across, and by how it is turned.
     for axis, side in itertools.product(axes, (1.0, -1.0)):
-        own = [w for w in faces if axis == max(axes, key=lambda a: abs(float(w.normal[a]))) and side * w.normal[axis] > 0.0]
+        own = [
+            w for w in faces if axis == max(axes, key=lambda a: abs(float(w.normal[a]))) and side * w.normal[axis] > 0.0
+        ]
         if own:
             made += [_variant(world, recording, found, axes, own, axis, side, rough) for rough in (False, True)]
     return tuple(v for v in made if v is not None)
@@ -111,7 +116,9 @@ def _spins(world: World, recording: Recording) -> tuple[Unknown, ...]:
     for run in recording.runs:
         for column, name in enumerate(run.names):
             item = next((o for o in world.objects if o.name == name), None)
-            measured = np.isfinite(run.angular_velocities[:, column]).any() or np.isfinite(run.orientations[:, column]).any()
+            measured = (
+                np.isfinite(run.angular_velocities[:, column]).any() or np.isfinite(run.orientations[:, column]).any()
+            )
             if item is None or world.planar or measured or not isinstance(item.shape, Sphere):
                 continue
             most = SURFACE_SPEED / item.shape.radius
@@ -167,7 +174,22 @@ def _walls(world: World, recording: Recording, axes: Sequence[int]) -> list[_Fac
         face = _Face(normal, touched, float(np.clip(np.median(ratios), 0.05, 1.0)) if ratios else 0.5, len(near))
         if all(n.normal @ normal < np.cos(SAME_FACE) or abs(n.offset - touched) > SAME_FACE * own for n in found):
             found.append(face)
-    return sorted(found, key=lambda f: -f.hits)[:MOST_STARTS]
+    return [*sorted(found, key=lambda f: -f.hits)[:MOST_STARTS], *_edges(world, everywhere, radius, axes)]
+
+
+def _edges(world: World, places: Array, radius: Array, axes: Sequence[int]) -> list[_Face]:
+    """Return upright planes at the edges of what was visited, in every direction: noise may hide changes of course, and
+    which of these planes describe the data is seen by trying."""
+    gravity = np.abs(np.asarray(world.environment.gravity, dtype=float))
+    level = [a for a in axes if world.planar or not gravity.any() or a != int(np.argmax(gravity))]
+    if len(level) < 2 or world.joints:
+        return []
+    found = []
+    for angle in np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS):
+        normal = np.zeros(3)
+        normal[level[0]], normal[level[1]] = np.cos(angle), np.sin(angle)
+        found.append(_Face(normal, float(np.quantile(places @ normal - np.maximum(radius, 0.0), OUTERMOST)), GUESS, 0))
+    return found
 
 
 def _normals(world: World, hits: Sequence[Kink], axes: Sequence[int]) -> list[tuple[Array, Kink]]:
@@ -185,16 +207,16 @@ def _normals(world: World, hits: Sequence[Kink], axes: Sequence[int]) -> list[tu
         if len(group) > 2:
             normal, extent = _through(group, inside)
             if normal is not None and extent > NEARBY * reach(world, world.object(kink.name)):
-                middle = sorted(group, key=lambda h: float(h.place @ normal))[len(group) // 2]
+                middle = _along(group, normal)[len(group) // 2]
                 faces += [(way, middle) for way in (normal, *_upright(world, normal))]
     pairs: list[tuple[float, Array, Kink]] = []
     for group2 in itertools.combinations(hits[:PAIRED], 2):
         if len({k.name for k in group2}) > 1:
             continue  # places are those of centres
         normal, extent = _through(group2, inside)
-        if normal is not None and all(k.direction @ normal > np.cos(cone) for k in group2):
-            if extent > NEARBY * reach(world, world.object(group2[0].name)):
-                pairs.append((extent, normal, group2[0]))
+        far = extent > NEARBY * reach(world, world.object(group2[0].name))
+        if normal is not None and far and all(k.direction @ normal > np.cos(cone) for k in group2):
+            pairs.append((extent, normal, group2[0]))
     for _, normal, kink in sorted(pairs, key=lambda f: -f[0]):
         faces += [(way, kink) for way in (*_upright(world, normal), normal)]
     for kink in hits[:PAIRED]:
@@ -209,6 +231,11 @@ def _normals(world: World, hits: Sequence[Kink], axes: Sequence[int]) -> list[tu
             by = Rotation.from_rotvec(bend / max(turning, 1e-12) * turn)
             faces.append((by.apply(jump / size), kink))
     return faces
+
+
+def _along(hits: Sequence[Kink], normal: Array) -> list[Kink]:
+    """Return hits in the order of their places along a normal."""
+    return sorted(hits, key=lambda h: float(h.place @ normal))
 
 
 def _upright(world: World, normal: Array) -> list[Array]:

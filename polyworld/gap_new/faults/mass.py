@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from polyworld.data.recording import Recording
-from polyworld.gap_new.candidate import Candidate, Variant
 from polyworld.gap_new.adding import of_path, one_start
+from polyworld.gap_new.candidate import Candidate, Variant
 from polyworld.gap_new.conditions import conditions
 from polyworld.world import World
 from polyworld.world.parameters import object_mass

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
-from polyworld.gap_new.candidate import Candidate, Variant
 from polyworld.gap_new.adding import one_start
+from polyworld.gap_new.candidate import Candidate, Variant
 from polyworld.gap_new.faults.observer_scale_and_time import measured_axes, observed, of_observer
 from polyworld.world import World
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from polyworld.data.recording import Recording, Run
-from polyworld.gap_new.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap_new.adding import of_path, one_start, with_parts
+from polyworld.gap_new.candidate import Candidate, Variant
 from polyworld.world import World
 from polyworld.world.observer import MARGIN, Observer
 

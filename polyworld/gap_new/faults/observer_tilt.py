@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
-from polyworld.gap_new.candidate import Candidate, Variant
 from polyworld.expressions.effect import law_of
 from polyworld.gap_new.adding import one_start
+from polyworld.gap_new.candidate import Candidate, Variant
 from polyworld.gap_new.faults.observer_scale_and_time import is_bare, measured_axes, observed, of_observer
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.shapes import Plane

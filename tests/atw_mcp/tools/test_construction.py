@@ -40,10 +40,8 @@ def test_friction_and_speed_of_a_sliding_puck_are_recovered(session: Session, tm
     values = {value["name"]: value["value"] for value in fitted["data"]["values"]}
     assert values["puck.friction"] == pytest.approx(0.23, abs=0.005)
     assert fitted["data"]["position_rmse"] < 0.002
-    (speed,) = session(
-        "ReadProperty", case=case, world=fitted["data"]["world"], object="puck", properties=["velocity"]
-    )["data"]["properties"]
-    assert speed["value"][0] == pytest.approx(1.2, abs=0.02)
+    read = session("ReadProperty", case=case, world=fitted["data"]["world"], objects=["puck"], property="velocity")
+    assert read["data"]["values"][0]["value"][0] == pytest.approx(1.2, abs=0.02)
 
     record = session("ReadEvidence", evidence=fitted["evidence"], detail="full")["data"]
     assert set(fitted["data"]) - set(record) == {"undetermined_whole"}  # which say how to read it

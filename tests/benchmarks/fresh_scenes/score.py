@@ -35,7 +35,6 @@ from .write import write
 Array = np.ndarray
 AFTER = (0.5, 1.0, 2.0)  # [s]
 SHAPES = {"sphere": Sphere, "box": Box, "cylinder": Cylinder}
-SYMMETRY = {"sphere": 0, "box": 4, "cylinder": 0}
 CHANGES = 0.02  # [m] by which a height must differ from the last seen to count in coverage
 
 
@@ -74,10 +73,9 @@ def tracks_of(task: dict[str, Any], path: Path) -> ObservedTracks:
     numbers = np.array([[float(r[c]) for c in ("x", "y", "z", "qw", "qx", "qy", "qz", "sigma")] for r in rows])
     numbers = numbers.reshape(task["frames"], len(names), 8)
     seen = np.ones(numbers.shape[:2])
-    symmetry = tuple(SYMMETRY[o["shape"]["kind"]] for o in task["objects"])
     return ObservedTracks(
         tuple(names), np.arange(task["frames"]), task["seconds_per_frame"], numbers[..., :3], numbers[..., 7],
-        numbers[..., 3:7], seen, seen, symmetry,
+        numbers[..., 3:7], seen, seen, (1,) * len(names),
     )  # fmt: skip
 
 

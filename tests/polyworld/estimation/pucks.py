@@ -18,8 +18,8 @@ from tests.scenes.discs import Discs, Law, Started, slide
 Array = NDArray[np.float64]
 
 RADIUS, FRAME, SIGMA = 0.1, 1.0 / 30.0, 0.004  # [m], [s], [m]
-CROSSING = Started(  # the first hits the second off its centre after 0.5 s
-    np.array([[-0.9, 0.0], [0.0, 0.06]]), np.array([[1.7, 0.0], [-0.3, 0.0]]), np.zeros(2)
+CROSSING = Started(  # they meet off centre after 0.5 s
+    np.array([[-0.75, 0.0], [0.75, 0.06]]), np.array([[1.7, 0.0], [-1.9, 0.0]]), np.zeros(2)
 )
 
 
