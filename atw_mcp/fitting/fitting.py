@@ -278,6 +278,7 @@ def _value(found: FittedConstant) -> dict[str, Any]:
         "at_bound": found.at_bound,
         "paths": list(u.paths),
         "powers": list(u.powers),
+        "scale": u.scale,
     }
 
 
@@ -285,21 +286,29 @@ def _value(found: FittedConstant) -> dict[str, Any]:
 class Sample:
     """Equally probable parameter values of a fitted world, the fitted ones first, relative to the world `start`.
 
-    rows: names, paths and units; values (N, P). from_prior: names of those that the data do not determine.
+    rows: names, paths and units; values (N, P). from_prior: names of those that the data do not determine. constants:
+    draws of the fitted constants, from which these values follow.
     """
 
     start: World
     rows: tuple[dict[str, Any], ...]
     values: NDArray[np.float64]
     from_prior: tuple[str, ...]
+    constants: dict[str, NDArray[np.float64]]
     effective: float
     seed: int
     until: float
 
     def to_dict(self) -> dict[str, Any]:
         """Return all but the values, JSON-ready."""
-        return {"unknowns": [dict(row) for row in self.rows], "from_bounds": list(self.from_prior), "seed": self.seed,
-                "effective": self.effective, "until": self.until}  # fmt: skip
+        return {
+            "constants": list(self.constants),
+            "unknowns": [dict(row) for row in self.rows],
+            "from_bounds": list(self.from_prior),
+            "seed": self.seed,
+            "effective": self.effective,
+            "until": self.until,
+        }
 
 
 def sample_of(run: FitRun, index: int) -> Sample:
@@ -325,6 +334,7 @@ def sample_of(run: FitRun, index: int) -> Sample:
         rows=tuple(named),
         values=np.stack(columns, axis=1) if columns else np.zeros((1, 0)),
         from_prior=tuple(str(row["name"]) for row in named if set(row["paths"]) <= open_),
+        constants={c.unknown.name: c.draws for c in run.fit.constants},
         effective=run.fit.effective,
         seed=run.seed,
         until=found.frames[1] * step,

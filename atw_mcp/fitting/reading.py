@@ -17,8 +17,8 @@ OVERSTATED = 3.0  # times the error of a fit from which the stated noise is doub
 SLACK = 2.0  # standard deviations of a link beyond which a collision is not what its bodies' restitution says
 ROWS = 8  # rows of `undetermined` shown
 CONTACTS = (
-    "a contact's friction and restitution are the geometric mean of the two objects' values; 'friction of NAME' is that "
-    "against the surface, and a pair of bodies has the product of theirs over the friction of the surface"
+    "a contact's friction and restitution are the geometric mean of the two objects' values; 'friction of NAME' is "
+    "that against the surface, and a pair of bodies has the product of theirs over the friction of the surface"
 )
 WAYS = {
     "slides": "bodies start without rolling",
@@ -43,8 +43,8 @@ def doubts(world: World, document: dict[str, Any]) -> list[str]:
     strained = [i + 1 for i, slack in enumerate(document["slack"]) if slack > SLACK]
     if strained:
         found.append(
-            f"collision {', '.join(map(str, strained))} leaves bodies otherwise than restitution and friction allow: its "
-            "pulses (effects slack_*) carry the rest"
+            f"collision {', '.join(map(str, strained))} leaves bodies otherwise than restitution and friction allow: "
+            "its pulses (effects slack_*) carry the rest"
         )
     on = [
         f"{v['name']} = {v['value']:.3g} ({v['bounds'][0]:.3g} to {v['bounds'][1]:.3g})"
@@ -107,8 +107,8 @@ def _overstated(document: dict[str, Any]) -> list[str]:
         return []
     said = ", ".join(f"{body['object']} {body['noise_m']:.2g} m (off by {body['error_m']:.2g} m)" for body in calm)
     return [
-        f"the noise of positions is overstated: {said}; what the tracks scatter is used instead (ImportObservation takes "
-        "position_sigma)"
+        f"the noise of positions is overstated: {said}; what the tracks scatter is used instead (ImportObservation "
+        "takes position_sigma)"
     ]
 
 

@@ -77,7 +77,8 @@ class Ensemble:
 def keep_sample(app: App, fitted: World, sample: Sample) -> None:
     """Store the posterior sample of a fitted world; its values are relative to the world that the fit started from."""
     document = {"start": sample.start.id, **sample.to_dict()}
-    app.store.fits.put(SAMPLE, {"world": fitted.id}, document, {"values": sample.values})
+    draws = {f"constants/{name}": values for name, values in sample.constants.items()}
+    app.store.fits.put(SAMPLE, {"world": fitted.id}, document, {"values": sample.values, **draws})
 
 
 def stored_sample(app: App, world: str) -> Content | None:

@@ -227,11 +227,11 @@ class _Rows:
             if name not in self.unstated
         ]
         if self.unstated:
-            every = [o for name in self.unstated for o in self.groups[name]]
+            bodies = [o for name in self.unstated for o in self.groups[name]]
             found.append(
                 _log(
                     f"restitution {COMMON}",
-                    _paths(every, "restitution"),
+                    _paths(bodies, "restitution"),
                     float(np.log(mean)),
                     sd / mean,
                     (0.02, 1.0),

@@ -71,7 +71,8 @@ class FittedConstant:
     """A constant: the value at the minimum, with the standard deviation and the interval that holds 80% of the posterior.
 
     prior: mean and standard deviation, of the natural logarithm where the scale is "log"; None where there is none.
-    informed: part of the prior's variance that the data took away; below a half the value is the prior's.
+    informed: part of the prior's variance that the data took away; below a half the value is the prior's. draws (N,): of
+    the posterior.
     """
 
     unknown: Unknown
@@ -79,6 +80,7 @@ class FittedConstant:
     standard_error: float
     interval: tuple[float, float]
     informed: float
+    draws: Array
 
     @property
     def at_bound(self) -> bool:
@@ -253,7 +255,10 @@ class _Fit:
             runs.append(self._blocks(i, replace(run, tracks=own), rolling, cut))
         if not shared and not any(b.states.count for run in runs for b in run):
             raise ValueError("nothing to fit: no parameter shows in these tracks, or every one of them was fixed")
-        return Problem(runs, shared, self.settings.descent)
+        descent = self.settings.descent
+        if any(run.world.coupled for run in self.study.runs):
+            descent = replace(descent, step=descent.wide)
+        return Problem(runs, shared, descent)
 
     def _blocks(self, index: int, run: StudyRun, rolling: Rolling, cut: bool) -> list[Block]:
         sigma = self.sigma[index]
@@ -508,5 +513,5 @@ def _constants(problem: Problem, minimum: Minimum, named: dict[str, Array]) -> t
         low, high = np.quantile(values, [0.1, 0.9])
         informed = float(np.clip(1.0 - (spread / prior) ** 2, 0.0, 1.0))
         value = float(np.exp(x)) if u.scale == "log" else x
-        found.append(FittedConstant(u, value, float(values.std()), (float(low), float(high)), informed))
+        found.append(FittedConstant(u, value, float(values.std()), (float(low), float(high)), informed, values))
     return tuple(found)

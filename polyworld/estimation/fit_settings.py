@@ -95,10 +95,13 @@ class ModelSettings:
 
 @dataclass(frozen=True)
 class DescentSettings:
-    """Least squares. huber: standard deviations beyond which residuals count linearly. dampings: factors on
-    Marquardt's parameter tried in one batch. rest: fall of chi-square below which an iteration gains nothing (a quarter
-    of it is the part of a standard deviation that an unknown would move); twice in a row ends a stage. step: share of a prior's deviation, or of a state's, by which derivatives are taken. substep [s]: of spatial worlds while they are fitted: paths over a
-    second then depart by a millimetre or less from those of finer steps.
+    """Least squares.
+
+    huber: standard deviations beyond which residuals count linearly. dampings: factors on Marquardt's parameter tried in
+    one batch. rest: fall of chi-square below which an iteration gains nothing; twice in a row ends a stage. step: share
+    of a prior's deviation, or of a state's, by which derivatives are taken; wide: with deformable bodies, whose
+    particles and contacts come and go. substep [s]: of spatial worlds while they are fitted: paths over a second then
+    depart by a millimetre or less from those of finer steps.
     """
 
     huber: float = 4.0
@@ -106,6 +109,7 @@ class DescentSettings:
     iterations: int = 25
     rest: float = 0.2
     step: float = 2e-3
+    wide: float = 0.05
     substep: float = 0.008
     opening: int = 8  # samples of the first stage: they show initial states and seldom a contact
     stages: tuple[float, ...] = (0.35, 0.7, 1.0)

@@ -103,7 +103,9 @@ def test_the_answer_names_what_decides_it_and_how_narrow_it_is(session: Session)
     assert about["probability"] == pytest.approx(0.5, abs=0.1)
     assert about["decided_by"]["parameter"] == "block.friction"
     assert about["decided_by"]["true_where"] == "below"
-    assert about["decided_by"]["threshold"] == pytest.approx(1.0 / (2.0 * 9.81 * median), rel=0.15)  # dampings slow it too
+    assert about["decided_by"]["threshold"] == pytest.approx(
+        1.0 / (2.0 * 9.81 * median), rel=0.15
+    )  # dampings slow it too
     assert about["decided_by"]["agree"] >= 35
     assert about["margin"]["50%"] == pytest.approx(0.0, abs=0.003)
     assert about["margin"]["5%"] == pytest.approx(end["position_90%"]["from"][0] - median, abs=0.003)

@@ -21,20 +21,17 @@ SAMPLE = np.random.default_rng(1).normal([0.2, 1.0, 2.0], 0.01, (64, 3))
 
 def value(name: str, at: float, error: float | None, bounds: list[float], **more: Any) -> dict[str, Any]:
     head = {"name": name, "value": at, "unit": "1", "standard_error": error, "bounds": bounds, "at_bound": False}
-    return {**head, "spread": None, "paths": [f"objects.{name}"], **more}
+    return {**head, "paths": [f"objects.{name}"], "scale": "linear", **more}
 
 
+DRAWN = ("ball.friction", "ball.mass", "ball.restitution")
 VALUES = [
     value("ball.friction", 0.2, 0.01, [0.0, 1.0]),
-    value("ball.mass", 1.0, 0.2, [0.1, 10.0], unit="kg"),
+    value("ball.mass", 1.0, 0.2, [0.1, 10.0], unit="kg", scale="log"),
     value("ball.restitution", 0.95, 0.1, [0.0, 1.0], at_bound=True),
     value("cube.restitution", 0.5, None, [0.0, 1.0]),
 ]
-HISTORY = [
-    {"restart": r, "generation": g, "samples": 9, "best": 1.0 / (1 + g), "median": 2.0 / (1 + g)}
-    for r in range(2)
-    for g in range(3)
-]
+CURVE = {"step": "iteration", "steps": [1, 2], "current": [3.0, 2.0], "best": [3.0, 2.0], "unit": "sigma"}
 UNDETERMINED = [
     {"parameters": ["ball.restitution", "cube.restitution"], "reason": "only combinations of these are determined"},
     {"parameters": ["objects.cube.mass"], "reason": "not fitted: it meets no other body"},
@@ -44,14 +41,12 @@ UNDETERMINED = [
 def fitted(path: Path) -> EvidenceStore:
     store = EvidenceStore(path)
     store.cases.add("c", content="x", kind="video", path="/c.mp4", facts={})
-    scales = [{"name": v["name"], "scale": "log" if v["unit"] == "kg" else "linear"} for v in VALUES]
-    fit = store.fits.put("fit", {"world": "world-a", "parameters": scales}, {})
+    fit = store.fits.put("fit", {"world": "world-a"}, {})
     store.worlds.put("world-a", "{}")
     store.worlds.put("world-b", '{"b":1}', parent="world-a", how="fitted", detail={"fit": fit.id})
-    names = [("ball.friction", "1"), ("ball.mass", "kg"), ("cube.mass", "kg")]
-    about = {"unknowns": [{"name": n, "unit": u, "paths": []} for n, u in names], "from_bounds": ["cube.mass"]}
-    store.fits.put("posterior", {"world": "world-b"}, about, {"values": SAMPLE})
-    data = {"world": "world-b", "from_world": "world-a", "values": VALUES, "history": HISTORY}
+    draws = {f"constants/{name}": SAMPLE[:, i] for i, name in enumerate(DRAWN)}
+    store.fits.put("posterior", {"world": "world-b"}, {"constants": list(DRAWN), "unknowns": []}, draws)
+    data = {"world": "world-b", "from_world": "world-a", "values": VALUES, "curve": CURVE}
     data |= {"undetermined": UNDETERMINED}
     store.evidence.add(Evidence("FitWorld", {}, case="c", world="world-b", summary="good", payload={"data": data}))
     store.evidence.add(Evidence("FitWorld", {}, case="c", status="failed"))
@@ -80,8 +75,7 @@ def test_values_intervals_and_samples_are_those_of_the_store(tmp_path: Path) -> 
     assert found["ball.restitution"].at_bound
     assert found["cube.restitution"].interval95 is None
     assert found["cube.restitution"].note == "determined only in combination with ball.restitution"
-    assert found["cube.mass"].note == "not fitted: it meets no other body"
-    for column, name in enumerate(("ball.friction", "ball.mass", "cube.mass")):
+    for column, name in enumerate(DRAWN):
         block = found[name].sample
         assert block is not None
         stored = np.frombuffer(blocks.joined(), np.float32, 64, block.offset)
@@ -90,13 +84,10 @@ def test_values_intervals_and_samples_are_those_of_the_store(tmp_path: Path) -> 
     assert not missing
 
 
-def test_the_curve_is_the_history_with_a_gap_between_two_searches(tmp_path: Path) -> None:
+def test_the_curve_is_that_of_the_record(tmp_path: Path) -> None:
     curve = fit_views(fitted(tmp_path / "s.db"), "c", Blocks(), [])[0].curve
     assert curve is not None
-    assert [b for b in curve.best if b is not None] == [point["best"] for point in HISTORY]
-    assert [c for c in curve.current if c is not None] == [point["median"] for point in HISTORY]
-    assert curve.best[3] is None
-    assert np.all(np.diff(curve.steps) > 0)
+    assert (curve.step, curve.best, curve.unit) == ("iteration", [3.0, 2.0], "sigma")
 
 
 @pytest.mark.parametrize(

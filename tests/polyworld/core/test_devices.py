@@ -11,7 +11,8 @@ import pytest
 import warp as wp
 
 from polyworld.core import buffers
-from polyworld.estimation.world_fit import CemSettings, FitProblem, SearchSettings, fit
+from polyworld.estimation.fit import FitOptions, fit
+from polyworld.estimation.study import of_one
 from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
@@ -107,15 +108,15 @@ def test_kernels_of_liquids_compile_for_cuda(name: str, tmp_path: Path) -> None:
     assert list(tmp_path.glob("*.cubin")) or list(tmp_path.glob("*.ptx"))
 
 
-def test_populations_fit_on_an_accelerator_as_on_the_cpu(accelerator: str) -> None:
+def test_batches_fit_on_an_accelerator_as_on_the_cpu(accelerator: str) -> None:
     scene = MATERIALS["rigid pucks"]
-    settings = SearchSettings(generations=2, cem=CemSettings(population=8, elites=2, carried=1), seed=1)
+    options = FitOptions(share=0.0, states=False, edit=lambda _: list(scene.unknowns))
     assert accelerator != "cpu"
-    problem = FitProblem(scene.build(False), scene.observed(0), scene.unknowns)
-    there = fit(problem, settings)
+    study = of_one(scene.build(False), scene.observed(0))
+    there = fit(study, options)
     buffers.use_device("cpu")
-    here = fit(FitProblem(scene.build(False), scene.observed(0), scene.unknowns), settings)
-    assert there.loss == pytest.approx(here.loss, rel=1e-6)
+    here = fit(study, options)
+    assert [c.value for c in there.constants] == pytest.approx([c.value for c in here.constants], rel=1e-6)
 
 
 def test_a_device_that_is_not_there_is_refused_with_those_that_are() -> None:

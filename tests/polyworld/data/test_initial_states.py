@@ -8,13 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from polyworld.data.initial_states import initial_states
+from polyworld.data.initial_states import initial_states, with_initial_states
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.world_fit import FitProblem, default_unknowns
-from polyworld.estimation.world_fit.sight_lines import sight_lines
-from polyworld.world import TimeBase, World
-from polyworld.world.representations.rigid import RigidObject
-from polyworld.world.shapes import Sphere
+from tests.polyworld.estimation.pucks import CROSSING, FRAME, RADIUS, discs, tracks, world
+from tests.scenes.discs import slide
 
 Floats = NDArray[np.float64]
 G = (0.0, 0.0, -9.81)
@@ -63,25 +60,43 @@ def test_a_path_too_short_for_its_curvature_is_a_fall_or_straight(pull: Floats) 
     np.testing.assert_allclose(state.velocity, SPEED, atol=0.12)
 
 
-def test_starts_depart_along_the_line_of_sight_as_distances_are_unknown() -> None:
-    """A path farther away by a share of its distance starts farther by that share, and is faster by it."""
-    ball = RigidObject(
-        name="ball",
-        shape=Sphere(radius=0.1),
-        representation="rigid_spatial",
-        position=tuple(START),
-        velocity=tuple(SPEED),
-    )
-    world = World(objects=(ball,), time=TimeBase(seconds_per_frame=1.0 / 30.0, frame_count=8))
-    still = np.zeros(3)
-    tracks = track(8, 30.0, pull=still, spread=0.05)
-    problem = FitProblem(world, tracks, default_unknowns(world, tracks))
-    (line,) = sight_lines(problem)
-    paths = [unknown.paths[0] for unknown in problem.space.unknowns]
-    moved = {path: float(value) for path, value in zip(paths, line, strict=True)}
-    for axis, away, speed in zip("xyz", START - CAMERA, SPEED, strict=True):
-        assert moved.pop(f"objects.ball.position.{axis}") == pytest.approx(0.05 * away)
-        assert moved.pop(f"objects.ball.velocity.{axis}") == pytest.approx(0.05 * speed)
-    assert not any(moved.values())
-    exact = FitProblem(world, replace(tracks, position_spread=None), default_unknowns(world, tracks))
-    assert sight_lines(exact).shape == (0, len(paths))
+def pucks(frames: int = 90, *, sigma: float, seed: int) -> ObservedTracks:
+    return tracks(slide(discs([0.12, 0.12]), CROSSING, np.arange(frames) / 60.0), sigma=sigma, seed=seed)
+
+
+@pytest.mark.parametrize("sigma", [1e-4, 0.005, 0.02])
+def test_the_true_initial_state_is_within_its_stated_errors(sigma: float) -> None:
+    errors = []
+    for seed in range(12):
+        state = initial_states(pucks(sigma=sigma, seed=seed), seconds_per_frame=1.0 / 60.0)["a"]
+        place, speed = state.position[:2] - CROSSING.positions[0], state.velocity[:2] - CROSSING.velocities[0]
+        errors.append([np.hypot(*place) / state.position_sd, np.hypot(*speed) / state.velocity_sd])
+        assert state.moves
+    assert np.max(errors) < 5.0, np.max(errors, axis=0)
+
+
+def test_a_body_at_rest_is_taken_to_be_at_rest() -> None:
+    still = tracks(np.zeros((60, 1, 2)), sigma=0.01, seed=4)
+    state = initial_states(still)["a"]
+    assert not state.moves
+    assert np.all(state.velocity == 0.0)
+    assert state.position_sd == pytest.approx(0.01 / np.sqrt(60.0), rel=0.3)
+
+
+def test_free_motion_ends_where_the_collision_is() -> None:
+    path = slide(discs([0.12, 0.12]), CROSSING, np.arange(60) / 60.0)
+    met = int(np.argmax(np.hypot(*(path[:, 1, :2] - path[:, 0, :2]).T) < 2.0 * RADIUS + 0.05))
+    state = initial_states(tracks(path, sigma=0.001, seed=4), seconds_per_frame=1.0 / 60.0)["a"]
+    assert met - 8 <= state.free_until <= met + 3
+
+
+def test_a_late_body_joins_when_it_is_first_seen() -> None:
+    path = np.zeros((40, 1, 2))
+    path[:, 0, 0] = np.arange(40) * 0.01
+    late = tracks(path, sigma=0.001, seed=2)
+    confidence = late.confidence.copy()
+    confidence[:10] = 0.0
+    placed = with_initial_states(world(1), replace(late, confidence=confidence)).object("a")
+    assert placed.start_time == pytest.approx(10.0 * FRAME)
+    assert placed.position == pytest.approx((0.1, 0.0, 0.05), abs=0.002)  # in the plane: the height stays the world's
+    assert placed.velocity[0] == pytest.approx(0.01 / FRAME, abs=0.02)
