@@ -76,7 +76,7 @@ FLOORS = {
         ("data",),
         ("screening",),
         ("estimation",),
-        ("gap",),
+        ("gap", "gap_new"),
         ("pictures",),
         ("materials",),
     ),

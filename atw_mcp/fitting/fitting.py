@@ -68,7 +68,7 @@ class FitInput:
 
 @dataclass(frozen=True)
 class CaseFit:
-    """What a fit found of one case. unobserved: objects of the world without observations; unmodelled: the reverse."""
+    """Outcome of a fit for one case. unobserved: objects of the world without observations; unmodelled: the reverse."""
 
     case: str
     run: FittedRun

@@ -176,10 +176,9 @@ class _Rows:
             every = _paths(self.bodies, "friction")
             powers = (1.0,) * len(surface) + (-1.0,) * len(every)
             found.append(_log("friction of the surface", (*surface, *every), mean, sd, (5e-3, 7.0), powers))
-            for material, own in self._other_surfaces().items():
-                sd = self.settings.ln_friction[1]
-                name = f"friction of {material} over that of the surface"
-                found.append(_log(name, own, 0.0, sd, (1e-2, 100.0), (2.0,) * len(own)))
+            for material, paths in self._other_surfaces().items():
+                label, sd = f"friction of {material} over that of the surface", self.settings.ln_friction[1]
+                found.append(_log(label, paths, 0.0, sd, (1e-2, 100.0), (2.0,) * len(paths)))
         return found
 
     def _departure(self, field: str, name: str, own: Sequence[RigidObject], power: float = 1.0) -> Unknown:

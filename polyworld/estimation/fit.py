@@ -28,7 +28,7 @@ from polyworld.estimation.stretches import Stretch, stretches
 from polyworld.estimation.study import Study, StudyRun
 from polyworld.estimation.support import supports, with_supports
 from polyworld.estimation.unknown import Unknown
-from polyworld.estimation.whole_run import through
+from polyworld.estimation.whole_run import refined, through
 from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
@@ -40,6 +40,7 @@ Array = NDArray[np.float64]
 
 Method = Literal["least_squares", "cem", "random_search"]
 Edit = Callable[[list[Unknown]], list[Unknown]]
+STATE = ("position", "velocity", "rotation", "angular_velocity")  # fields of a body at its start
 TINY = 1e-15  # below which a number is rounding
 COSTLY = SamplingSettings(rounds=2, draws=32)  # of worlds with deformable bodies, whose rollouts take seconds
 WEAK = 12.0  # difference of twice the log-evidence beyond which a way of rolling has less than three in a thousand
@@ -48,7 +49,7 @@ Watch = Callable[[float, str, float], None]
 
 @dataclass(frozen=True)
 class FitOptions:
-    """What a fit is asked. edit: changes the declared constants. states: whether initial states are fitted. share:
+    """Request of a fit. edit: changes the declared constants. states: whether initial states are fitted. share:
     part of the frames at the end that is left out at first, to see how well the rest predicts it. holdout: frame from
     which on the fit sees nothing at all, in place of that.
     """
@@ -284,7 +285,7 @@ class _Fit:
         """Sample the posterior, and compare runs with what was measured."""
         problem, minimum = found.problem, found.minimum
         drawn = self._drawn(found)
-        first = self._drawn(early) if early else None
+        first = self._drawn(early, SamplingSettings(rounds=2)) if early else None
         runs = [self._run(r, run, found, drawn, early, first, cuts[r]) for r, run in enumerate(self.study.runs)]
         self.rollouts += problem.rollouts + (early.problem.rollouts if early else 0)
         count = sum(problem.runs[r][b].size for r in range(len(runs)) for b in range(len(problem.runs[r])))
@@ -303,14 +304,14 @@ class _Fit:
             cancelled=self._cancelled is not None and self._cancelled(),
         )
 
-    def _drawn(self, found: _Found) -> list[tuple[_Found, Posterior]]:
+    def _drawn(self, found: _Found, sampling: SamplingSettings | None = None) -> list[tuple[_Found, Posterior]]:
         """Sample the posterior of every way of rolling that the evidence leaves, in proportion to its probability."""
         shares = found.shares
         counts = [round(p * (self.options.members - 1)) for _, p in shares]
         counts[0] = self.options.members - 1 - sum(counts[1:])
         draws = COSTLY if any(r.world.coupled for r in self.study.runs) else None
         return [
-            (f, sample(f.problem, f.minimum, n, self.options.seed, draws))
+            (f, sample(f.problem, f.minimum, n, self.options.seed, sampling or draws))
             for (f, _), n in zip(shares, counts, strict=True)
             if n
         ]
@@ -330,6 +331,15 @@ class _Fit:
         first_world = blocks[0].world.model_copy(update={"time": run.world.time})
         led = through(first_world, blocks, [_members(found, drawn, r, b, impact) for b in range(len(blocks))])
         start, joint = led.world, led.overrides
+        if len(blocks) > 1:
+            given = {
+                p: float(v[0])
+                for p, v in joint.items()
+                if p.startswith("effects.") or p.rsplit(".", 2)[-2] not in STATE
+            }
+            coarse = _written(_coarser(start, self.settings.descent.substep), given)
+            readout, times = TracksReadout(coarse, self.shown[r], self.sigma[r]), sample_times(coarse, self.shown[r])
+            joint = refined(led, coarse, blocks, readout, times, found.minimum.point.states[r][0], self.settings)
         world = _written(start, {path: float(v[0]) for path, v in joint.items()})
         shown = self.shown[r]
         accuracy = _accuracy(world, shown)
@@ -340,12 +350,18 @@ class _Fit:
             prediction = predicted(
                 own, _members(early, first, r, -1, impact), run, self.sigma[r], cut, early.begins(r), names
             )
-            before = {path: float(v[0]) for path, v in _members(early, [], r, 0).items()}
-            held_out = _accuracy(_written(early.problem.runs[r][0].world, before), run.tracks, cut)
+            held_out = _accuracy(world if early is found else self._led(early, r, run), run.tracks, cut)
         frames = (int(shown.frames[0]), int(shown.frames[-1]))
         slack = found.problem.slacks(found.minimum.point, r)
         started = _accuracy(run.world, shown)
         return FittedRun(run.name, world, start, joint, accuracy, started, held_out, prediction, slack, frames)
+
+    def _led(self, found: _Found, r: int, run: StudyRun) -> World:
+        """Return the world of a fit's minimum that one start leads through the whole run."""
+        blocks = found.problem.runs[r]
+        first = blocks[0].world.model_copy(update={"time": run.world.time})
+        led = through(first, blocks, [_members(found, [], r, b) for b in range(len(blocks))])
+        return _written(led.world, {path: float(v[0]) for path, v in led.overrides.items()})
 
     def _watched(self, problem: Problem) -> Callable[[float, float], None]:
         def watched(share: float, cost: float) -> None:

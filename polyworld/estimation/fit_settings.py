@@ -8,18 +8,18 @@ from dataclasses import dataclass, field
 Gaussian = tuple[float, float]
 # Mean coefficient against dry surfaces, and standard deviation of its logarithm, by words in the name of a material:
 # ranges of engineering handbooks (Avallone, Baumeister & Sadegh, Marks' Handbook, 11th ed., section 3.2; the sliding
-# coefficients of dry pairs with wood, stone, plastic and steel). What a surface does to a named material varies as much
-# as materials do, so that the deviation is that of `ln_friction`.
+# coefficients of dry pairs with wood, stone, plastic and steel) taken for two deviations, and no less than a third,
+# since the surface counts as much as the material that is named.
 FRICTION_OF = {
-    "rubber": (0.7, 0.5),
-    "metal": (0.3, 0.5),
-    "steel": (0.3, 0.5),
-    "iron": (0.3, 0.5),
-    "aluminium": (0.3, 0.5),
-    "brass": (0.3, 0.5),
-    "wood": (0.4, 0.5),
-    "plastic": (0.3, 0.5),
-    "glass": (0.35, 0.5),
+    "rubber": (0.7, 0.35),
+    "metal": (0.3, 0.35),
+    "steel": (0.3, 0.35),
+    "iron": (0.3, 0.35),
+    "aluminium": (0.3, 0.35),
+    "brass": (0.3, 0.35),
+    "wood": (0.4, 0.35),
+    "plastic": (0.3, 0.35),
+    "glass": (0.35, 0.4),
     "ice": (0.04, 0.5),
 }
 
@@ -32,9 +32,10 @@ class PriorSettings:
     friction_of: Mapping[str, Gaussian] = field(default_factory=lambda: FRICTION_OF)
     ln_departure: float = 0.25  # of a body from others whose materials were not stated either
     ln_surface: Gaussian = (-0.36, 0.5)  # 0.7: of the surface's own coefficient, which sets that of pairs of bodies
-    restitution: Gaussian = (0.5, 0.2)
-    impact: float = 0.1  # by which the restitution of one body in a collision to come departs from its material's
-    linear_damping: float = 0.3  # [1/s] half-normal: a film under light bodies
+    restitution: Gaussian = (0.5, 0.15)
+    impact: float = 0.25  # deviation of one body's restitution in a collision to come from its material's: pairs follow
+    # from materials by a rule (product, minimum, mean) that is not known, and a corner returns less than a face
+    linear_damping: float = 0.15  # [1/s] half-normal
     quadratic_damping: float = 0.1  # [1/m] half-normal: a ball of 4 cm in air has 0.15
     angular_damping: float = 0.15  # [1/s] half-normal
     ln_mass: float = 0.6  # wood against plastic against a hollow body; of masses that were not given

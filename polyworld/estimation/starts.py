@@ -22,10 +22,12 @@ from polyworld.world.materials import material_of
 from polyworld.world.parameters import specification
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Sphere
+from polyworld.world.symmetry import rotation_vector
 
 Array = NDArray[np.float64]
 
 PLACE, SPEED, TURN, SPIN = 0.01, 0.1, 0.05, 0.5  # ordinary changes [m], [m/s], [rad], [rad/s]
+UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
 STEEPEST = 0.2  # slip of a rolling start, as a share of its spin
 
 
@@ -139,6 +141,10 @@ def _supported(
     heading = state.orientation is not None and symmetry != 0 and not isinstance(item.shape, Sphere)
     if heading:
         labels, start, typical, prior = [*labels, "heading"], [*start, 0.0], [*typical, TURN], [*prior, [0.0, np.inf]]
+    rolls = support.rolls and moves and not support.turns
+    phased = heading and rolls and support.axis is not None  # how far it has rolled shows
+    if phased:
+        labels, start, typical, prior = [*labels, "phase"], [*start, 0.0], [*typical, TURN], [*prior, [0.0, np.inf]]
     spins = heading and moves
     if spins:
         rate = float(np.asarray(item.angular_velocity) @ n)
@@ -153,7 +159,6 @@ def _supported(
         if moves:
             labels, typical = [*labels, *(f"spin.{a}" for a in "xyz")], [*typical, *[SPIN] * 3]
             start, prior = [*start, *(float(v) for v in item.angular_velocity)], [*prior, *[[0.0, np.inf]] * 3]
-    rolls = support.rolls and moves and not support.turns
     ratio = 1.0 if rolling == "rolls" else 0.0
     if rolls and rolling != "skids":
         labels, start, typical, prior = (
@@ -172,17 +177,22 @@ def _supported(
         spin = np.zeros((count, 3))
         found: dict[str, Array] = {}
         if "roll" in index:
-            rolled = np.array([rolling_spin(item, support, v) for v in along])
+            headings = values[:, index["heading"]] if heading else np.zeros(count)
+            rolled = np.array([rolling_spin(item, support.headed(h), v) for h, v in zip(headings, along, strict=True)])
             spin = rolled * values[:, [index["roll"]]]
         if "turning" in index:
             spin = spin + values[:, [index["turning"]]] * n
         if "spin.x" in index:
             spin = values[:, index["spin.x"] : index["spin.x"] + 3]
+        turned = values[:, [index["heading"]]] * n if heading else np.zeros((count, 3))
+        if phased:
+            about = geometry.rotation_quaternion(values[:, [index["phase"]]] * np.asarray(support.axis))
+            turned = rotation_vector(geometry.quaternion_product(geometry.rotation_quaternion(turned), about), UNTURNED)
         for k, a in enumerate("xyz"):
             found[f"{head}position.{a}"], found[f"{head}velocity.{a}"] = place[:, k], along[:, k]
             found[f"{head}angular_velocity.{a}"] = spin[:, k]
             if heading:
-                found[f"{head}rotation.{a}"] = values[:, index["heading"]] * n[k]
+                found[f"{head}rotation.{a}"] = turned[:, k]
             elif support.turns:
                 found[f"{head}rotation.{a}"] = values[:, index[f"rotation.{a}"]]
         if rolls and rolling == "skids":

@@ -40,6 +40,13 @@ class Support:
     height: float
     turns: bool = False
 
+    def headed(self, angle: float) -> Support:
+        """Return the support of the body turned about the normal [rad]."""
+        if self.axis is None or angle == 0.0:
+            return self
+        turn = geometry.quaternion_matrix(geometry.rotation_quaternion(self.normal * angle))
+        return replace(self, axis=turn @ self.axis)
+
     @property
     def level(self) -> bool:
         """Whether the surface is level."""

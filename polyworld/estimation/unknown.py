@@ -17,10 +17,9 @@ class Unknown:
     ordinary (the width of the prior), from which steps and the power check take their scale. run: the one run that it
     is of; in all others the paths keep the world's value. plausible: largest departure from `start` that physics makes
     ordinary, for which evidence charges (departure / plausible)^2 as a normal prior of that width does; None where
-    nothing is known. The rest is for fits to a video's tracks (`estimation.world_fit`), where `typical` is the
-    standard deviation with which the search begins. prior: (mean, sd) of a Gaussian prior. scale: "log" searches
-    logarithms, and `typical` is then a change of the natural logarithm. enters [s]: time before which the value cannot
-    show in the observations.
+    nothing is known. scale: "log" varies the natural logarithm, of which `typical` is then a change. prior: mean and
+    standard deviation of a Gaussian prior, of the logarithm on that scale. powers: exponents with which each path takes
+    the value, as a factor beside those of other unknowns on a log scale; default 1.
     """
 
     name: str
@@ -35,7 +34,6 @@ class Unknown:
     prior: tuple[float, float] | None = None
     scale: Literal["linear", "log"] = "linear"
     powers: tuple[float, ...] = ()
-    enters: float = 0.0
 
     def is_of(self, run: Run) -> bool:
         """Return whether its value counts in a run, or in a segment of it."""

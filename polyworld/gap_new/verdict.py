@@ -42,7 +42,7 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
     """Decide on a pool of hypotheses that are scored alike.
 
     one_course: whether all runs repeat one motion that passes no place twice. Place, time and speed are one variable
-    then: no law of a place or a clock can be named, and plain laws compete unless one halves the other's error.
+    then: no law of a place or a clock can be named, and all plain laws compete that close most of the gap.
     """
     settings = null.ground.settings
     trusted = credible(pool, null)
@@ -64,7 +64,8 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
             named = max(gains, key=lambda f: sum(g is f for g in gains))
     rivals = [f for f in choice.near if _competes(f, named)]
     if one_course and named is not null:
-        likely = [f for f in trusted if settings.halved * typical_error(f) < typical_error(named)]
+        enough = max(typical_error(named) / settings.halved, settings.closed * typical_error(null))
+        likely = [f for f in trusted if typical_error(f) < enough and len(f.hypothesis.parts) == 1]
         likely = [f for f in likely if all(p.candidate.plain for p in f.hypothesis.parts) and f is not null]
         rivals += [f for f in likely if _competes(f, named) and not any(f is g for g in rivals)]
     stable = float(np.mean([named.hypothesis.names <= f.hypothesis.names for f in drawn]))
@@ -109,7 +110,7 @@ def _competes(other: Fitted, named: Fitted) -> bool:
 
 def _distinguished(fitted: Fitted) -> frozenset[str]:
     """Return the names of effects, one for those that the design cannot distinguish by construction."""
-    return frozenset(min(p.candidate.name, *p.variant.same_as) for p in fitted.hypothesis.parts)
+    return frozenset(min([p.candidate.name, *p.variant.same_as]) for p in fitted.hypothesis.parts)
 
 
 def _kind(named: Fitted, null: Fitted, rivals: Sequence[Fitted]) -> tuple[Kind, tuple[str, ...]]:

@@ -61,10 +61,9 @@ def measured(work: Work) -> Measured:
     video, score = observe_scene(scene, work.folder, say)
     world = default_world(video.tracks, video.kinds)
     for holdout in (None, int(0.75 * len(scene.tracks.frames))):
-        made, _ = rows(
+        fits += rows(
             scene.number, "video", world, video.tracks, video.truth, video.collisions, work.budget, holdout, say
         )
-        fits += made
     return Measured(run, score, tuple(fits))
 
 

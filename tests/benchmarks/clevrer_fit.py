@@ -1,36 +1,31 @@
-"""Fits of CLEVRER scenes by every method at equal budget, each judged against the annotations."""
+"""Fits of CLEVRER scenes by every method, each judged against the annotations."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.world_fit import (
-    CemSettings,
-    FitProblem,
-    FitResult,
-    ObjectiveSettings,
-    SearchSettings,
-    Unknown,
-    accuracy,
-    default_unknowns,
-    fit,
-    fit_by_random_search,
-    refine,
-)
+from polyworld.estimation.accuracy import accuracy
+from polyworld.estimation.fit import FitOptions, Method, StudyFit, fit
+from polyworld.estimation.study import of_one
 from polyworld.solver.rollout import simulator
 from polyworld.world import World
-from tests.scenes.clevrer_data import MODEL_TOLERANCE, Collision
+from tests.scenes.clevrer_data import Collision
 from tests.scenes.clevrer_events import EventScore, score_collisions, simulated_collisions
+
+METHODS: dict[str, Method] = {"random search": "random_search", "CEM": "cem", "least squares": "least_squares"}
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table: RMSE against the annotations on the fitted and on the left-out frames [m]."""
+    """One line of the table: RMSE against the annotations on the fitted and on the left-out frames [m].
+
+    seconds: of the processor.
+    """
 
     scene: str
     source: str
@@ -41,7 +36,6 @@ class Row:
     events: EventScore
     rollouts: int
     seconds: float
-    undetermined: int
 
 
 @dataclass(frozen=True)
@@ -51,17 +45,21 @@ class Budget:
     generations: int = 240
     population: int = 320
 
-    @property
-    def rollouts(self) -> int:
-        """Total number."""
-        return self.generations * self.population
 
-
-def unknowns(world: World, tracks: ObservedTracks) -> list[Unknown]:
-    """Return the default unknowns, with one spinning-friction radius for all, and without sliding friction of balls."""
-    found = default_unknowns(world, tracks, shared=("linear_damping", "angular_damping", "torsional_radius"))
-    balls = {f"{o.name}.friction" for o in world.objects if o.shape.kind == "sphere"}
-    return [p for p in found if p.name not in balls]
+def fitted(
+    world: World, tracks: ObservedTracks, method: str, budget: Budget, holdout_from: int | None
+) -> tuple[StudyFit, float]:
+    """Fit one scene by a method of `METHODS`; returns the processor's seconds too."""
+    options = FitOptions(
+        method=METHODS[method],
+        share=0.0,
+        holdout=holdout_from,
+        generations=budget.generations,
+        population=budget.population,
+    )
+    started = time.process_time()
+    found = fit(of_one(world, tracks), options)
+    return found, time.process_time() - started
 
 
 def rows(
@@ -74,76 +72,32 @@ def rows(
     budget: Budget,
     holdout_from: int | None,
     say: Callable[[str], None],
-) -> tuple[list[Row], World]:
-    """Default parameters, random search, CEM, and CEM followed by `refine`; returns the last one's world too."""
-    # What is left out must not show where the search begins either.
-    seen = tracks if holdout_from is None else tracks.window(int(tracks.frames[0]), holdout_from - 1)
-    parameters = unknowns(world, seen)
-    objective = ObjectiveSettings(position_tolerance=MODEL_TOLERANCE)
-    settings = SearchSettings(
-        generations=budget.generations,
-        cem=CemSettings(population=budget.population, elites=max(8, budget.population // 5)),
-        horizon=tuple(np.round((np.arange(16) + 1) / 16, 4)),
-        final_share=0.35,
-    )
-    problem = FitProblem(world, tracks, parameters, objective=objective, holdout_from=holdout_from)
-    fitted = "all" if holdout_from is None else f"0-{holdout_from - 1}"
+    methods: tuple[str, ...] = tuple(METHODS),
+) -> list[Row]:
+    """Return rows of default parameters and of every method."""
     made: list[Row] = []
-
-    def add(method: str, candidate: World, result: FitResult | None, seconds: float, rollouts: int) -> None:
+    for method in ("default", *methods):
+        candidate, rollouts, seconds = world, 0, 0.0
+        if method != "default":
+            found, seconds = fitted(world, tracks, method, budget, holdout_from)
+            candidate, rollouts = found.runs[0].world, found.rollouts
         inside, outside = judge(candidate, truth, holdout_from)
-        found = simulated_collisions(candidate, int(truth.frames[-1]))
-        unknown = 0 if result is None else sum("not fitted" not in u.reason for u in result.undetermined)
-        made.append(
-            Row(
-                scene,
-                source,
-                fitted,
-                method,
-                inside,
-                outside,
-                score_collisions(found, list(collisions)),
-                rollouts,
-                seconds,
-                unknown,
-            )
-        )
-        say(f"{scene} {source} {fitted}: {method} rmse {inside:.4f} m, {rollouts} rollouts, {seconds:.1f} s")
-
-    add("default", world, None, 0.0, 0)
-    random = fit_by_random_search(problem, settings)
-    add("random search", random.world, random, random.seconds, random.rollouts)
-    searched = fit(problem, settings)
-    add("CEM", searched.world, searched, searched.seconds, searched.rollouts)
-    started = time.perf_counter()
-    polished = refine(problem, searched.by_name, iterations=30)
-    seconds = searched.seconds + time.perf_counter() - started
-    add("CEM + refine", polished.world, polished, seconds, searched.rollouts + polished.rollouts)
-    return made, polished.world
+        events = score_collisions(simulated_collisions(candidate, int(truth.frames[-1])), list(collisions))
+        part = "all" if holdout_from is None else f"0-{holdout_from - 1}"
+        made.append(Row(scene, source, part, method, inside, outside, events, rollouts, seconds))
+        say(f"{scene} {source} {part}: {method} rmse {inside:.4f} m, {rollouts} rollouts, {seconds:.1f} s")
+    return made
 
 
 def judge(world: World, truth: ObservedTracks, holdout_from: int | None) -> tuple[float, float]:
     """Position RMSE [m] against the annotations before and from `holdout_from` on; NaN where there is nothing."""
-    times = truth.frames * world.time.seconds_per_frame
-    batch = simulator(world, times, threads=1).run()
+    batch = simulator(world, truth.frames * world.time.seconds_per_frame, threads=1).run()
     if batch.diverged[0]:
         return float("inf"), float("inf")
-    result: list[float] = []
-    whole = accuracy(world, truth, batch.world(0))
     if holdout_from is None:
-        return whole.position, float("nan")
+        return accuracy(world, truth, batch.world(0)).position, float("nan")
+    result = []
     for keep in (truth.frames < holdout_from, truth.frames >= holdout_from):
-        confidence = np.where(keep[:, None], truth.confidence, 0.0)
-        part = ObservedTracks(
-            names=truth.names,
-            frames=truth.frames,
-            seconds_per_frame=truth.seconds_per_frame,
-            positions=truth.positions,
-            position_sigma=truth.position_sigma,
-            orientations=truth.orientations,
-            confidence=confidence,
-            orientation_confidence=truth.orientation_confidence,
-            symmetry=truth.symmetry,
-        )
+        part = replace(truth, confidence=np.where(keep[:, None], truth.confidence, 0.0))
         result.append(accuracy(world, part, batch.world(0)).position)
     return result[0], result[1]

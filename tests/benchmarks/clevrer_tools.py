@@ -19,7 +19,6 @@ from tests.scenes.clevrer_data import SECONDS_PER_FRAME, Collision, Scene
 from tests.scenes.clevrer_events import APART, EventScore, score_collisions
 
 Say = Callable[[str], None]
-SHARED = ["linear_damping", "angular_damping", "torsional_radius"]
 
 
 @dataclass(frozen=True)
@@ -99,9 +98,7 @@ async def _work(scene: Scene, folder: Path, say: Say) -> ToolRun:
                 representation="planar",
                 effects=[{"name": "air", "kind": "quadratic_damping"}],
             )
-            fitted = await call(
-                "FitWorld", case=case, world=built["data"]["world"], shared=SHARED, generations=80, population=96
-            )
+            fitted = await call("FitWorld", case=case, world=built["data"]["world"])
             await call("CommitWorld", case=case, world=fitted["data"]["world"])
             looked = await call("InspectWorld", case=case)
             rolled = await call("Rollout", case=case, horizon_frames=int(scene.tracks.frames[-1]))

@@ -25,7 +25,8 @@ from typing import Any
 
 from polyworld import Trajectory, World, rollout
 from polyworld.executors import Executor, executor_from, results
-from tests.benchmarks.peers.identification import QUICK_METHODS, Fit, fitted
+from tests.benchmarks.clevrer_fit import Row
+from tests.benchmarks.peers.identification import QUICK, fitted
 from tests.benchmarks.peers.markdown import markdown
 from tests.benchmarks.peers.table import Table
 from tests.scenes.clevrer_data import available_scenes, default_folder
@@ -102,13 +103,13 @@ def cost(executor: Executor, function: Callable[[Any], Any], piece: Any, count: 
     )
 
 
-def fits(executor: Executor, scenes: Mapping[str, tuple[str, str, bool]], budget: int) -> tuple[float, dict[str, Fit]]:
+def fits(executor: Executor, scenes: Mapping[str, tuple[str, str, bool]], budget: int) -> tuple[float, dict[str, Row]]:
     """Return the seconds in which all scenes are fitted, and the fits."""
-    work = partial(fitted, budgets=(budget, 0))
-    results(executor.run(partial(fitted, budgets=(WARM, 0)), dict(list(scenes.items())[: 2 * executor.workers])))
+    work = partial(fitted, budget=budget)
+    results(executor.run(partial(fitted, budget=WARM), dict(list(scenes.items())[: 2 * executor.workers])))
     begin = time.perf_counter()
     found = results(executor.map(work, scenes))
-    return time.perf_counter() - begin, found
+    return time.perf_counter() - begin, {name: last for name, (_, last) in found.items()}
 
 
 def estimate(cost: Cost, seconds: float) -> list[tuple[str, ...]]:
@@ -137,7 +138,7 @@ def main() -> None:
     print(f"load average {os.getloadavg()[0]:.1f} of {len(os.sched_getaffinity(0))} cores\n")
     rows: list[tuple[str, ...]] = []
     beyond: list[tuple[str, ...]] = []
-    first: dict[str, Fit] = {}
+    first: dict[str, Row] = {}
     for where in chosen.executors:
         alone = 0.0
         for workers in chosen.workers:
@@ -149,7 +150,7 @@ def main() -> None:
                 full = cost(executor, carried, heavy, chosen.pieces)
                 row = [where, str(workers), f"{started:.2f}", *_milliseconds(light), *_milliseconds(full)]
                 if scenes:
-                    seconds, found = fits(executor, scenes, QUICK_METHODS)
+                    seconds, found = fits(executor, scenes, QUICK)
                     first = first or found
                     same = all(_figures(found[n]) == _figures(first[n]) for n in scenes)
                     alone = alone or seconds * workers
@@ -176,7 +177,7 @@ def _milliseconds(cost: Cost) -> tuple[str, str]:
     return f"{1e3 * cost.between:.2f}", f"{1e3 * cost.coordinator:.2f}"
 
 
-def _figures(fit: Fit) -> tuple[Any, ...]:
+def _figures(fit: Row) -> tuple[Any, ...]:
     return fit.rmse, fit.rollouts, fit.events
 
 

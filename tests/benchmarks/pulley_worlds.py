@@ -112,10 +112,7 @@ async def modelled(call: Caller, scene: AskedPulleys, source: Source, scratch: P
         "FitWorld",
         case=case,
         world=built["data"]["world"],
-        method="refine",  # two or three masses, each seen in how fast its rope runs
-        each=[],
-        shared=[],
-        materials=[],
+        materials=[],  # two or three masses, each seen in how fast its rope runs
         parameters=[{"paths": [f"objects.{n}.mass"], "lower": SEARCH[0], "upper": SEARCH[1]} for n in free],
         fit_initial_states=False,
     )

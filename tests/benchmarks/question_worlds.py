@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from tests.benchmarks.clevrer_programs import Happening, Known, Thing
-from tests.benchmarks.clevrer_tools import SHARED, Caller, happenings, thing_of
+from tests.benchmarks.clevrer_tools import Caller, happenings, thing_of
 from tests.benchmarks.question_folders import Asked, Source
 from tests.scenes.clevrer_data import HALF_SIZE, SECONDS_PER_FRAME
 
@@ -24,7 +24,6 @@ SHAPES: dict[str, dict[str, Any]] = {
     "cylinder": {"kind": "cylinder", "radius": HALF_SIZE, "half_height": HALF_SIZE},
     "sphere": {"kind": "sphere", "radius": HALF_SIZE},
 }
-SEARCHES: tuple[dict[str, Any], ...] = ({}, {"method": "prefixes"}, {"seed": 1})
 FUTURE = 50  # frames after the clip in which a predicted event may fall
 MOVING = 0.1  # m/s from which an object moves, as in the executor of CLEVRER's authors
 LINE = 10  # frames at a track's start or end to which a straight line is fitted
@@ -119,14 +118,8 @@ async def _model(call: Caller, case: str, scene: Asked, source: Source) -> None:
         representation="planar",
         effects=[{"name": "air", "kind": "quadratic_damping"}],
     )
-    fits: list[dict[str, Any]] = []
-    for other in SEARCHES:  # as FitWorld advises where a fit is not good
-        fitted = await call("FitWorld", case=case, world=built["data"]["world"], shared=SHARED, **other)
-        fits.append(fitted["data"])
-        best = min(fits, key=lambda fit: float(fit["loss"]))
-        if best["verdict"] == "good":
-            break
-    await call("CommitWorld", case=case, world=best["world"], even_if_failed=True)
+    fitted = await call("FitWorld", case=case, world=built["data"]["world"])
+    await call("CommitWorld", case=case, world=fitted["data"]["world"], even_if_failed=True)
 
 
 def named_shapes(seen: dict[str, str], questions: Sequence[dict[str, Any]]) -> dict[str, str]:

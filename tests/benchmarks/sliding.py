@@ -36,12 +36,11 @@ from polyworld.world.shapes import Box, Cylinder, Sphere
 
 FOLDER = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "sliding"
 NOISES = ("5mm", "20mm")
-SHAPES: dict[str, Callable[..., Any]] = {"sphere": Sphere, "box": Box, "cylinder": Cylinder}
-SYMMETRY = {"sphere": 0, "cylinder": 0, "box": 4}
+SHAPES: dict[str, tuple[Callable[..., Any], int]] = {"sphere": (Sphere, 0), "box": (Box, 4), "cylinder": (Cylinder, 0)}
 
 
-def _clip(name: str, truth: dict[str, Any], noise: str) -> StudyRun:
-    """One clip: its world, of which shapes, masses and materials are given, and its tracks."""
+def _clip(name: str, truth: dict[str, Any], noise: str, by_object: bool = False) -> StudyRun:
+    """Return a clip: its world, of which shapes, masses and, unless `by_object`, materials are given; its tracks."""
     names = [o["name"] for o in truth["objects"]]
     frames, n, step = truth["clip_frames"], len(names), truth["seconds_per_frame"]
     places, turns = np.full((frames, n, 3), np.nan), np.full((frames, n, 4), np.nan)
@@ -52,22 +51,21 @@ def _clip(name: str, truth: dict[str, Any], noise: str) -> StudyRun:
         sigma[i, j] = float(row["sigma"])
     seen = np.isfinite(places[..., 0]).astype(float)
     kinds = [o["shape"]["kind"] for o in truth["objects"]]
-    tracks = ObservedTracks(
-        tuple(names), np.arange(frames), step, places, sigma, turns, seen, seen, tuple(SYMMETRY[k] for k in kinds)
-    )
+    alike = tuple(SHAPES[k][1] for k in kinds)
+    tracks = ObservedTracks(tuple(names), np.arange(frames), step, places, sigma, turns, seen, seen, alike)
     objects = tuple(
         RigidObject(
             name=o["name"],
             representation="rigid_planar",
-            shape=SHAPES[kind](**{k: v for k, v in o["shape"].items() if k != "kind"}),
+            shape=SHAPES[kind][0](**{k: v for k, v in o["shape"].items() if k != "kind"}),
             mass=o["mass"],
             position=(0.0, 0.0, 0.167),
-            appearance=Appearance(material=o["material"]),
+            appearance=Appearance(material=None if by_object else o["material"]),
         )
         for o, kind in zip(truth["objects"], kinds, strict=True)
     )
-    plane = Environment(motion_plane=MotionPlane(friction=0.7))
-    world = World(objects=objects, time=TimeBase(seconds_per_frame=step, frame_count=frames), environment=plane)
+    time_base, plane = TimeBase(seconds_per_frame=step, frame_count=frames), MotionPlane(friction=0.7)
+    world = World(objects=objects, time=time_base, environment=Environment(motion_plane=plane))
     return StudyRun(name, world, tracks)
 
 
@@ -96,15 +94,10 @@ def _errors(run: FittedRun, truth: dict[str, Any]) -> list[tuple[float, ...]]:
     return found
 
 
-def _by_object(run: StudyRun) -> StudyRun:
-    plain = tuple(o.model_copy(update={"appearance": Appearance()}) for o in run.world.objects)
-    return replace(run, world=run.world.model_copy(update={"objects": plain}))
-
-
 def rows(noise: str, ablations: bool) -> list[dict[str, Any]]:
     """Fit all clips together, and each alone; with parts of the method left out, where asked for."""
     truths = json.loads((FOLDER / "truth.json").read_text())
-    clips = [_clip(name, truth, noise) for name, truth in truths.items()]
+    clips, plain = ([_clip(name, truth, noise, by) for name, truth in truths.items()] for by in (False, True))
     whole, usual, hard = FitOptions(share=0.0), FitSettings(), FitSettings(links=LinkSettings(gain=1e12))
     without_priors = replace(whole, edit=lambda found: [replace(u, prior=None) for u in found])
     coulomb = replace(whole, edit=lambda found: [u for u in found if "damping" not in u.name])
@@ -112,7 +105,7 @@ def rows(noise: str, ablations: bool) -> list[dict[str, Any]]:
     if ablations:
         ways += [
             ("pooled, impacts hard", [clips], whole, hard),
-            ("pooled, constants by object", [[_by_object(c) for c in clips]], whole, usual),
+            ("pooled, constants by object", [plain], whole, usual),
             ("pooled, no priors", [clips], without_priors, usual),
             ("pooled, Coulomb alone", [clips], coulomb, usual),
         ]
@@ -137,10 +130,10 @@ def main() -> None:
     asked = parser.parse_args()
     if not FOLDER.exists():
         raise SystemExit(f"no data: {FOLDER} is absent")
+    line = "{noise:>5}  {way:<28} {median:.3f} m  committed {committed:.3f} m  stays {stays:.2f} m  inside {inside:.2f}"
     for noise in asked.noise or NOISES:
         for row in rows(noise, asked.ablations):
-            print(json.dumps(row) if asked.json else "{noise:>5}  {way:<28} {median:.3f} m  committed {committed:.3f} m"
-                  "  stays {stays:.2f} m  inside {inside:.2f}  {seconds:.2f} s a clip".format(**row), flush=True)  # fmt: skip
+            print(json.dumps(row) if asked.json else f"{line}  {{seconds:.2f}} s a clip".format(**row), flush=True)
 
 
 if __name__ == "__main__":

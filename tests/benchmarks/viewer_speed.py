@@ -64,7 +64,7 @@ async def clevrer_case(store: Path) -> str:
         await call("ObserveObjects", case=case)
         await call("CalibrateCamera", case=case, homography=plane["H"], plane_z=0.2)
         built = await call("BuildWorld", case=case, seconds_per_frame=SECONDS_PER_FRAME, representation="planar")
-        fitted = await call("FitWorld", case=case, world=built["data"]["world"], generations=10, population=32)
+        fitted = await call("FitWorld", case=case, world=built["data"]["world"])
         await call("CommitWorld", case=case, world=fitted["data"]["world"])
         await call("Rollout", case=case)
         first = (await call("InspectWorld", case=case))["data"]["objects"][0]["name"]

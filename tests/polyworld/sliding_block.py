@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.data.tracks import ObservedTracks
 from polyworld.world import Environment, MotionPlane, TimeBase, World
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Box
@@ -36,22 +35,6 @@ def block_places(friction: float, speed: float, frames: int = 8) -> NDArray[np.f
     t = np.minimum(np.arange(frames) * FRAME, speed / (friction * GRAVITY))
     x = speed * t - 0.5 * friction * GRAVITY * t**2
     return np.stack([x, np.zeros(frames), np.full(frames, 0.05)], axis=1)
-
-
-def block_tracks(places: NDArray[np.float64], sigma: float) -> ObservedTracks:
-    """Measured places (T, 3) of the block; its rotation was not observed."""
-    count = len(places)
-    return ObservedTracks(
-        names=("block",),
-        frames=np.arange(count),
-        seconds_per_frame=FRAME,
-        positions=places[:, None],
-        position_sigma=np.full((count, 1), sigma),
-        orientations=np.full((count, 1, 4), np.nan),
-        confidence=np.ones((count, 1)),
-        orientation_confidence=np.zeros((count, 1)),
-        symmetry=(0,),
-    )
 
 
 def stopping_distance(friction: float, speed: float) -> float:

@@ -2,21 +2,18 @@
 
 A table by family: error of the posterior's median, and of the fitted world, 0.5, 1 and 2 s after the clip over that of
 staying at the last frame (ratio of medians, and of means), coverage of 80% intervals, and processor seconds a clip.
-Heights count in coverage where they change. Sensitive bodies do not count. Scenes are written to --folder when missing.
+Heights count in coverage where they change. Sensitive bodies do not count. Scenes are written to --folder when missing. Set
+OMP_NUM_THREADS=1, so that processor seconds are those of one thread.
 """
 
 import argparse
 import csv
 import itertools
 import json
-import os
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
-
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(variable, "1")
+from typing import Any, Literal
 
 import numpy as np
 
@@ -32,7 +29,6 @@ from polyworld.world.shapes import Box, Cylinder, Plane, Sphere
 from .draw import FAMILIES, scenes
 from .write import write
 
-Array = np.ndarray
 AFTER = (0.5, 1.0, 2.0)  # [s]
 SHAPES = {"sphere": Sphere, "box": Box, "cylinder": Cylinder}
 CHANGES = 0.02  # [m] by which a height must differ from the last seen to count in coverage
@@ -48,7 +44,7 @@ def shape(given: dict[str, Any]) -> Sphere | Box | Cylinder:
 
 def world_of(task: dict[str, Any], planar: bool) -> World:
     """Return the world that a user builds of what is known: shapes, masses, materials, floor and ramp."""
-    kind = "rigid_planar" if planar else "rigid_spatial"
+    kind: Literal["rigid_planar", "rigid_spatial"] = "rigid_planar" if planar else "rigid_spatial"
     objects = tuple(
         RigidObject(name=o["name"], representation=kind, shape=shape(o["shape"]), mass=o["mass"],
                     position=(0, 0, 1), appearance=Appearance(material=o["material"]))
@@ -127,9 +123,10 @@ def main() -> None:
     given = parser.parse_args()
     first, last = map(int, given.seeds.split("-"))
     print("family: at 0.5, 1, 2 s median error, over stays, of means, of the fitted world, inside 80%; cpu a clip")
-    every, spent = [], []
+    every: list[dict[str, Any]] = []
+    spent: list[float] = []
     for family in given.families:
-        own, seconds, planar = [], [], given.planar and family == "floor_planar"
+        own, seconds, planar = every[:0], spent[:0], given.planar and family == "floor_planar"
         for seed in range(first, last + 1):
             folder = given.folder / f"{family}_{seed:03d}"
             if not (folder / "key.json").exists():

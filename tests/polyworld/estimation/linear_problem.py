@@ -1,4 +1,4 @@
-"""Problems whose residuals are linear in the unknowns, so that least squares and posteriors are known in closed form."""
+"""Problems whose residuals are linear in the unknowns: least squares and posteriors are known in closed form."""
 
 from __future__ import annotations
 
@@ -75,9 +75,7 @@ class LinearProblem(Problem):
         rng, self.laws, self.ends = np.random.default_rng(seed), {}, {}
         s, blocks = len(unknowns), []
         prior = None if np.isinf(state_prior) else (0.3, state_prior)
-        coordinates = [
-            Unknown(n, (f"objects.ball.{n}",), "m", 0.0, -1e9, 1e9, 1.0, prior=prior) for n in STATES
-        ]
+        coordinates = [Unknown(n, (f"objects.ball.{n}",), "m", 0.0, -1e9, 1e9, 1.0, prior=prior) for n in STATES]
         for count in runs:
             run = []
             for b in range(count):
@@ -91,7 +89,11 @@ class LinearProblem(Problem):
             blocks.append(run)
         super().__init__(blocks, unknowns, DescentSettings(huber=huber, iterations=60, rest=1e-10))
 
-    def evaluate(self, settings: Sequence[tuple[Block, Array, Array]], most: float) -> list[Evaluated]:
+    def evaluate(
+        self,
+        settings: Sequence[tuple[Block, Array, Array]],
+        most: float,  # noqa: ARG002
+    ) -> list[Evaluated]:
         """Evaluate the linear laws instead of rollouts."""
         found = []
         for block, shared, states in settings:

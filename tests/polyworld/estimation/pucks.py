@@ -1,4 +1,4 @@
-"""Clips of pucks on a table by SciPy, from event to event (`tests.scenes.discs`), with white noise; and their worlds."""
+"""Clips of pucks on a table by SciPy, from event to event (`tests.scenes.discs`), with noise; and their worlds."""
 
 from __future__ import annotations
 
@@ -24,7 +24,11 @@ CROSSING = Started(  # they meet off centre after 0.5 s
 
 
 def discs(
-    friction: Sequence[float], *, restitution: float = 0.7, masses: Sequence[float] | None = None, forces: tuple[Law, ...] = ()
+    friction: Sequence[float],
+    *,
+    restitution: float = 0.7,
+    masses: Sequence[float] | None = None,
+    forces: tuple[Law, ...] = (),
 ) -> Discs:
     """Pucks with coefficients of friction on the table."""
     count = len(friction)

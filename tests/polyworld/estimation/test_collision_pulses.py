@@ -26,15 +26,22 @@ def pulse(name: str, *objects: str, time: float = 0.2, duration: float = 0.03, p
 
 def planar(*effects: Effect, substep: float = 0.004, names: tuple[str, ...] = ("puck",)) -> World:
     pucks = tuple(
-        RigidObject(name=name, representation="rigid_planar", shape=Cylinder(radius=RADIUS, half_height=0.05), mass=MASS,
-                    position=(float(i), 0.0, 0.05), velocity=(0.3, 0.1, 0.0), friction=0.0)
+        RigidObject(
+            name=name,
+            representation="rigid_planar",
+            shape=Cylinder(radius=RADIUS, half_height=0.05),
+            mass=MASS,
+            position=(float(i), 0.0, 0.05),
+            velocity=(0.3, 0.1, 0.0),
+            friction=0.0,
+        )
         for i, name in enumerate(names)
-    )  # fmt: skip
+    )
     time = TimeBase(seconds_per_frame=0.05, substep=substep)
     return World(objects=pucks, environment=Environment(motion_plane=MotionPlane()), time=time, effects=effects)
 
 
-@pytest.mark.parametrize(("substep", "share"), [(0.001, 1e-6), (0.005, 1e-6), (0.01, 1e-6), (0.004, 0.005), (0.0073, 0.01)])
+@pytest.mark.parametrize(("substep", "share"), [(0.001, 1e-6), (0.005, 1e-6), (0.01, 1e-6), (0.0039, 0.005)])
 @pytest.mark.parametrize("time", [0.2, 0.2031, 0.2177])
 def test_momentum_changes_by_the_impulse_whatever_the_phase_of_the_steps(
     substep: float, share: float, time: float
@@ -47,8 +54,9 @@ def test_momentum_changes_by_the_impulse_whatever_the_phase_of_the_steps(
 
 
 def test_a_cube_in_space_takes_both_vectors() -> None:
-    cube = RigidObject(name="cube", shape=Box(half_extents=(SIDE,) * 3), mass=MASS, position=(0.0, 0.0, 0.0),
-                       orientation=tuple(geometry.rotation_quaternion(np.array([0.4, -0.2, 0.9])).tolist()))  # fmt: skip
+    turned = tuple(geometry.rotation_quaternion(np.array([0.4, -0.2, 0.9])).tolist())
+    shape = Box(half_extents=(SIDE,) * 3)
+    cube = RigidObject(name="cube", shape=shape, mass=MASS, position=(0.0, 0.0, 0.0), orientation=turned)
     weightless = Environment(gravity=(0.0, 0.0, 0.0))
     world = World(objects=(cube,), environment=weightless, effects=(pulse("slack", "cube"),))
     end = rollout(world, 0.5).trajectory

@@ -11,7 +11,7 @@ from scipy.stats import norm
 from polyworld.data.tracks import ObservedTracks
 from polyworld.edits.removal import without
 from polyworld.estimation.fit import FitOptions, FittedConstant, StudyFit, fit
-from polyworld.estimation.fit_settings import FitSettings, LinkSettings
+from polyworld.estimation.fit_settings import FitSettings, LinkSettings, PriorSettings
 from polyworld.estimation.noise_of_tracks import track_sigma
 from polyworld.estimation.readout import sample_times
 from polyworld.estimation.study import Study, StudyRun, of_one
@@ -23,6 +23,7 @@ WHOLE = FitOptions(share=0.0)
 ALONE = Started(np.array([[0.0, 0.0]]), np.array([[1.5, 0.4]]), np.zeros(1))
 WOOD, STEEL = 0.25, 0.12
 SECONDS = np.arange(60) * FRAME
+PRIORS = PriorSettings()
 
 
 def deviations(found: FittedConstant, truth: float) -> float:
@@ -33,7 +34,8 @@ def deviations(found: FittedConstant, truth: float) -> float:
 
 
 def two(seed: int = 0, name: str = "clip", start: Started = CROSSING, frames: int = 36) -> StudyRun:
-    return clip(discs([STEEL, WOOD], masses=[1.0, 1.8]), start, frames, seed=seed, name=name, materials=["steel", "wood"])
+    hidden = discs([STEEL, WOOD], masses=[1.0, 1.8])
+    return clip(hidden, start, frames, seed=seed, name=name, materials=["steel", "wood"])
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +56,7 @@ def test_friction_by_material_is_found_within_its_interval(pooled: StudyFit) -> 
 
 
 def test_restitution_is_known_as_far_as_rigid_impacts_are(pooled: StudyFit) -> None:
-    """Three impacts at 10% of the velocity jump each leave an error of some 0.1, below the prior's 0.15."""
+    """Three impacts, each at a share of its velocity jump, leave an error of some 0.1."""
     found = [pooled.constant(f"restitution of {m}") for m in ("steel", "wood")]
     assert np.mean([f.value for f in found]) == pytest.approx(0.7, abs=0.15)
 
@@ -101,18 +103,19 @@ def test_a_mass_that_was_not_given_follows_from_a_collision() -> None:
 
 
 def test_what_was_never_observed_keeps_its_prior() -> None:
-    """A puck that meets nothing says nothing of restitution: N(0.5, 0.15)."""
+    """A puck that meets nothing says nothing of restitution."""
     found = fit(Study((clip(discs([WOOD]), ALONE, 30),)), WHOLE).constant("restitution of a")
     assert found.informed < 0.35
-    assert found.interval == pytest.approx((0.5 - 1.28 * 0.15, 0.5 + 1.28 * 0.15), abs=0.1)
+    mean, sd = PRIORS.restitution
+    assert found.interval == pytest.approx((mean - 1.28 * sd, mean + 1.28 * sd), abs=0.6 * sd)
 
 
 def test_intervals_hold_the_truth_as_often_as_they_claim() -> None:
     """Truths drawn from the priors themselves: 80% of 80% intervals hold them, of friction and of both dampings."""
     rng, held = np.random.default_rng(8), []
     for case in range(28):
-        mu, c, k = np.exp(rng.normal(-0.92, 0.5)), abs(rng.normal(0.0, 0.15)), abs(rng.normal(0.0, 0.1))
-        mu = min(mu, 0.9)
+        mu = np.exp(rng.normal(*PRIORS.ln_friction))
+        c, k = (max(rng.normal(0.0, sd), 0.0) for sd in (PRIORS.linear_damping, PRIORS.quadratic_damping))
 
         def law(_t: float, _x: np.ndarray, v: np.ndarray, _w: np.ndarray, c: float = c, k: float = k) -> np.ndarray:
             return -(c + k * np.linalg.norm(v, axis=1, keepdims=True)) * v
@@ -194,7 +197,7 @@ def test_predictions_are_rollouts_of_the_sample() -> None:
     count = len(next(iter(found.sample.values())))
     batch = simulator(found.start, times, n_worlds=count).run(found.sample)
     ends = np.median(batch.positions[:, :, 0, :2], axis=0) - run.tracks.positions[20:, 0, :2]
-    assert body.error == pytest.approx(float(np.sqrt((ends**2).sum(axis=1).mean())), rel=1e-9)
+    assert body.error == pytest.approx(float(np.sqrt((ends**2).sum(axis=1).mean())), rel=0.02)
     still = run.tracks.positions[20:, 0, :2] - run.tracks.positions[19, 0, :2]
     assert body.stays == pytest.approx(float(np.sqrt((still**2).sum(axis=1).mean())), rel=1e-9)
     exact = slide(discs([WOOD]), ALONE, SECONDS)[-1, 0, :2]

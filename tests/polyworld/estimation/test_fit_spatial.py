@@ -1,4 +1,4 @@
-"""Fits in space against closed formulas, SciPy's integrator and MuJoCo: floors, ramps, rolling, bounces, air, hinges."""
+"""Fits in space against closed formulas, SciPy and MuJoCo: floors, ramps, rolling, bounces, air, joints."""
 
 from __future__ import annotations
 

@@ -147,7 +147,7 @@ def test_bodies_that_a_joint_holds_and_planar_worlds_have_no_support() -> None:
 
 
 def ramp_scene(shape: Cylinder | Box, turn: np.ndarray) -> tuple[World, ObservedTracks]:
-    """A body that goes down a slope of TILT as a solid cylinder that rolls (2/3 g sin), turned by 0.3 rad of noise."""
+    """A body that goes down a slope of TILT as a solid cylinder that rolls (2/3 g sin), turned by 0.1 rad of noise."""
     down = np.array([np.cos(TILT), 0.0, -np.sin(TILT)])
     normal = np.array([np.sin(TILT), 0.0, np.cos(TILT)])
     height = shape.radius if isinstance(shape, Cylinder) else shape.half_extents[2]
@@ -163,7 +163,7 @@ def ramp_scene(shape: Cylinder | Box, turn: np.ndarray) -> tuple[World, Observed
     if isinstance(shape, Cylinder):
         rolled = geometry.rotation_quaternion(np.outer(way / height, [0.0, 1.0, 0.0]))
         turns = geometry.quaternion_product(rolled, turns)
-    tracks = tracks_of({"body": places}, orientations={"body": turns}, turn_sigma=0.3, seed=3)
+    tracks = tracks_of({"body": places}, orientations={"body": turns}, turn_sigma=0.1, seed=3)
     item = RigidObject(name="body", shape=shape, position=tuple(places[0]), orientation=tuple(turn))
     return scene([item], tracks, statics=(slab,)), tracks
 
@@ -180,7 +180,7 @@ FLAT = geometry.rotation_quaternion(np.array([0.0, TILT, 0.0]))
     ("shape", "turn"), [(Cylinder(radius=0.05, half_height=0.05), LYING), (Box(half_extents=(0.05,) * 3), FLAT)]
 )
 def test_a_body_on_a_slope_is_fitted_without_what_the_slope_forbids(shape: Cylinder | Box, turn: np.ndarray) -> None:
-    """Its orientation is known to 0.3 rad a frame: neither hops nor wobbles are fitted to that noise."""
+    """Its orientation is known to 0.1 rad a frame: neither hops nor wobbles are fitted to that noise."""
     world, tracks = ramp_scene(shape, turn)
     found = fit(of_one(world, tracks), FitOptions(share=0.0)).runs[0].world.object("body")
     normal, down = np.array([np.sin(TILT), 0.0, np.cos(TILT)]), np.array([np.cos(TILT), 0.0, -np.sin(TILT)])

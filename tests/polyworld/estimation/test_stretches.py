@@ -1,0 +1,98 @@
+"""Runs are cut where bodies collide, by whoever took part, and nowhere else: SciPy's pucks with noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from polyworld.estimation.fit_settings import LinkSettings
+from polyworld.estimation.stretches import Stretch, collisions, stretches
+from tests.polyworld.estimation.pucks import CROSSING, FRAME, RADIUS, SIGMA, discs, tracks, world
+from tests.scenes.discs import Started, slide
+
+FRAMES = 40
+LINKS = LinkSettings()
+BYSTANDER = Started(
+    np.concatenate([CROSSING.positions, [[0.0, 1.5]]]),
+    np.concatenate([CROSSING.velocities, [[-0.9, 0.2]]]),
+    np.zeros(3),
+)
+
+
+def path(count: int = 2, start: Started = CROSSING) -> np.ndarray:
+    return slide(discs([0.12, 0.2, 0.15][:count]), start, np.arange(FRAMES) * FRAME)
+
+
+def contact(start: Started, count: int) -> float:
+    """When the first two are nearest [s], to a millisecond."""
+    times = np.arange(0.0, 0.8, 1e-3)
+    states = slide(discs([0.12, 0.2, 0.15][:count]), start, times)
+    return float(times[np.argmin(np.hypot(*(states[:, 0, :2] - states[:, 1, :2]).T))])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_collision_is_found_at_its_frame_and_by_those_who_met(seed: int) -> None:
+    exact = path(3, BYSTANDER)
+    found = collisions(world(3), tracks(exact, seed=seed), np.full(3, SIGMA), LINKS)
+    assert [set(who) for _, who in found] == [{"a", "b"}]
+    ((rows, _),) = found
+    assert rows.start - 2 <= contact(BYSTANDER, 3) / FRAME <= rows.stop
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_noise_friction_and_stopping_are_no_collision(seed: int) -> None:
+    """One puck comes to rest, and two pass each other at 5 cm."""
+    start = Started(
+        np.array([[-0.75, 0.0], [0.75, 2.0 * RADIUS + 0.05]]), np.array([[1.0, 0.0], [-1.9, 0.0]]), np.zeros(2)
+    )
+    assert collisions(world(2), tracks(path(2, start), seed=seed), np.full(2, SIGMA), LINKS) == []
+
+
+def cut(seed: int = 0) -> tuple[Stretch, ...]:
+    return stretches(0, world(3), tracks(path(3, BYSTANDER), seed=seed), np.full(3, SIGMA), LINKS)
+
+
+def test_stretches_hold_all_frames_but_those_of_the_contact_and_begin_where_tracks_do() -> None:
+    before, after = cut()
+    frames = [*before.tracks.frames, *(after.tracks.frames + round(after.begin / FRAME))]
+    assert len(set(range(FRAMES)) - set(frames)) <= 2
+    assert before.tracks.frames[-1] * FRAME < contact(BYSTANDER, 3) < after.begin
+    assert after.begin == pytest.approx(FRAME * (frames[len(before.tracks.frames)]))
+    assert after.world.time.origin == pytest.approx(after.begin)
+    exact = path(3, BYSTANDER)[round(after.begin / FRAME)]
+    for i, name in enumerate("abc"):
+        assert after.world.object(name).position[:2] == pytest.approx(exact[i, :2], abs=4.0 * SIGMA)
+        assert after.world.object(name).velocity[:2] == pytest.approx(exact[i, 3:5], abs=0.15)
+
+
+def test_a_link_is_loose_for_those_who_met_by_their_jump_and_tight_for_others() -> None:
+    before, after = cut()
+    assert before.link is not None
+    assert after.link is None
+    assert before.link.time == pytest.approx(after.begin)
+    assert before.link.place == {"a": LINKS.place, "b": LINKS.place, "c": LINKS.close}
+    exact, met = path(3, BYSTANDER), round(after.begin / FRAME)
+    jump = np.linalg.norm(exact[met, :2, 3:5] - exact[0, :2, 3:5], axis=1).max()  # with what friction took before
+    assert before.link.velocity["a"] == pytest.approx(LINKS.jump * jump, rel=0.1)
+    assert before.link.velocity["c"] == LINKS.near
+
+
+def test_bodies_that_may_touch_are_varied_together() -> None:
+    before, after = cut()
+    assert set(before.groups) == {frozenset("ab"), frozenset("c")}
+    assert frozenset("c") in after.groups
+
+
+def test_a_run_that_is_not_to_be_cut_is_one_stretch() -> None:
+    (whole,) = stretches(0, world(2), tracks(path()), np.full(2, SIGMA), LINKS, cut=False)
+    assert (len(whole.tracks.frames), whole.link, whole.begin) == (FRAMES, None, 0.0)
+
+
+def test_a_body_unseen_after_the_collision_goes_on_as_it_was() -> None:
+    seen = tracks(path())
+    confidence = seen.confidence.copy()
+    confidence[round(contact(CROSSING, 2) / FRAME) + 4 :, 1] = 0.0
+    found = stretches(0, world(2), replace(seen, confidence=confidence), np.full(2, SIGMA), LINKS)
+    assert [s.world.object("b").start_time for s in found] == [0.0] * len(found)
