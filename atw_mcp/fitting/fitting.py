@@ -20,7 +20,7 @@ from polyworld.estimation.fit import FitOptions, FittedConstant, FittedRun, Meth
 from polyworld.estimation.study import Study, StudyRun
 from polyworld.estimation.unknown import Unknown
 from polyworld.world import World
-from polyworld.world.parameters import specification
+from polyworld.world.parameters import read_parameter, specification
 
 FROM_PRIOR = 0.5  # part of a prior's variance that the data must take away for a value to be theirs
 SURFACE = "friction of the surface"
@@ -314,7 +314,10 @@ class Sample:
 def sample_of(run: FitRun, index: int) -> Sample:
     """Return the posterior sample of one case of a fit: a row for each parameter, equal ones together."""
     found = run.cases[index].run
-    kept = {path: values for path, values in found.sample.items() if np.ptp(values) > 0.0 or _is_state(path)}
+    known = {path: read_parameter(found.start, path) for path in found.sample}
+    # An effect's numbers are kept whole: where one is at its default, a world that states it is another world.
+    stated = {p for p in known if _is_state(p) or p.startswith("effects.")}
+    kept = {p: v for p, v in found.sample.items() if np.ptp(v) > 0.0 or p in stated or known[p] != v[0]}
     rows: dict[bytes, tuple[list[str], NDArray[np.float64]]] = {}
     for path, values in kept.items():
         rows.setdefault(b"" + values.tobytes() + path.rpartition(".")[2].encode(), ([], values))[0].append(path)

@@ -217,7 +217,8 @@ class _Fit:
 
     def searched(self, tracks: Sequence[ObservedTracks], method: Search) -> _Found:
         """Search by the cross-entropy method or at random, runs whole."""
-        problem = self.problem(tracks, "slides", cut=False)
+        rolling: Rolling = "rolls" if "rolls" in self.ways() else "slides"
+        problem = self.problem(tracks, rolling, cut=False)
         o = self.options
         elites = max(2, o.population // 4)
         chosen = SearchSettings(o.generations, CemSettings(o.population, elites, min(4, elites)), o.seed)
@@ -227,7 +228,7 @@ class _Fit:
             self._say(number / o.generations, f"generation {number} of {o.generations}", least, problem)
 
         point = search(problem, method, chosen, watched, self._cancelled)
-        return _Found(problem, problem.at(point), "slides", cost)
+        return _Found(problem, problem.at(point), rolling, cost)
 
     def ways(self) -> list[Rolling]:
         """Ways in which what can roll may move; one where nothing can, or where it flies."""

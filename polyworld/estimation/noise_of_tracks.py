@@ -27,7 +27,9 @@ def track_sigma(tracks: ObservedTracks) -> Array:
             continue
         stated[column] = float(np.median(tracks.position_sigma[seen, column]))
         own = track_noise(tracks.positions[seen, column])
-        scatter[column] = float(np.sqrt(np.nanmean(own**2))) if np.isfinite(own).any() else np.nan
+        if np.isfinite(own).any():
+            own = own[own >= 0.1 * np.nanmax(own)]  # heights taken from the floor carry no noise
+            scatter[column] = float(np.sqrt(np.mean(own**2)))
     known = np.isfinite(scatter)
     common = float(np.median(scatter[known])) if known.any() else 0.0
     scatter = np.where(known, np.maximum(scatter, 0.5 * common), stated)

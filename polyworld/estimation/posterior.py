@@ -66,7 +66,11 @@ def sample(
         widths.append(width)
     information /= remainder
     flat = ((problem.upper - problem.lower) / np.sqrt(12.0)) ** -2.0  # no wider than the bounds
-    covariance = np.linalg.inv(information + np.diag(flat)) if s else np.zeros((0, 0))
+    information += np.diag(flat)
+    scale = np.sqrt(np.maximum(np.diag(normal.shared) + flat, 1e-300))
+    covariance: Array = information
+    if s:
+        covariance = np.asarray(np.linalg.inv(_positive(information, scale)), dtype=np.float64)
     mean = np.clip(centre, problem.lower, problem.upper)
     draws: list[Array] = [np.zeros((0, s))]
     targets: list[Array] = [np.zeros(0)]
@@ -74,7 +78,7 @@ def sample(
     proposals = []
     weights = np.zeros(0)
     for _ in range(settings.rounds if s else 0):
-        proposal = multivariate_t(mean, covariance + 1e-12 * np.eye(s), df=settings.freedom, seed=rng)
+        proposal = multivariate_t(mean, _positive(covariance, np.ones(s)), df=settings.freedom, seed=rng)
         proposals.append(proposal)
         shared = np.atleast_2d(proposal.rvs(settings.draws)).reshape(settings.draws, s)
         inside = np.all((shared >= problem.lower) & (shared <= problem.upper), axis=1)
@@ -103,6 +107,13 @@ def sample(
         scattered = first + rng.standard_normal((count, width.shape[1])) @ width.T
         states.append(tuple(np.split(scattered, np.cumsum([b.states.count for b in run])[:-1], axis=1)))
     return Posterior(shared, tuple(states), float(1.0 / (weights**2).sum()) if s else float(count))
+
+
+def _positive(matrix: Array, size: Array) -> Array:
+    """Return a symmetric matrix (S, S) with eigenvalues, in units of size (S,), that rounding leaves positive."""
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T) / np.outer(size, size))
+    found: Array = (vectors * np.maximum(values, 1e-9 * values.max())) @ vectors.T * np.outer(size, size)
+    return found
 
 
 def _profiled(

@@ -27,7 +27,7 @@ LOST = 1e3  # standard deviations that a residual counts whose rollout diverges
 
 
 class Readout(Protocol):
-    """What was measured in a block, in the order of time."""
+    """Measurements of a block, in the order of time."""
 
     size: int
 

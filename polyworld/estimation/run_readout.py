@@ -105,6 +105,11 @@ class RunReadout:
         return np.nonzero(self.measured)[0].astype(np.int64)
 
 
+    def columns(self) -> NDArray[np.int64]:
+        """Return the channel (m,) that each residual belongs to."""
+        return np.nonzero(self.measured)[1].astype(np.int64)
+
+
 class ObservedMotion:
     """Motion as a world's observer reports it at a run's stamps, from motion sampled about them."""
 

@@ -41,7 +41,7 @@ class Stretch:
     """Part of a run without a collision inside that links others.
 
     run: index. begin [s]: when it begins, in the run's time. world: in which objects start as the tracks begin. tracks:
-    with frames counted from that start. link: to the next stretch; None for the last. carried: whether another precedes.
+    with frames counted from that start. link: to the next stretch; None for the last. carried: whether one precedes.
     groups: bodies that may act on one another until the next stretch begins, by where tracks have them; () if all may.
     """
 

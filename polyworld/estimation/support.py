@@ -27,8 +27,8 @@ class Support:
 
     static: name of what supports it. normal (3,): of the surface. position (3,) [m], orientation (4,): of the body in
     contact, nearest to what was observed. axis (3,): about which it rolls, None for a ball, which rolls about any, and
-    for what lies on a face. rolls: whether it can. height [m]: of its centre over the surface. turns: a ball whose rotation
-    was measured, and therefore its spin.
+    for what lies on a face. rolls: whether it can. height [m]: of its centre over the surface. turns: a ball whose
+    rotation was measured, and therefore its spin.
     """
 
     static: str

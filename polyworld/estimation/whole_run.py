@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -36,11 +37,12 @@ class Through:
 def through(world: World, blocks: Sequence[Block], members: Sequence[Values]) -> Through:
     """Add two pulses for every body of every collision of a run, sized by what the link leaves for every member.
 
-    world: of the first stretch; members: parameters (N,) by path of each stretch, of the same N members. The first pulse brings a body to speed and
-    on its way to the place where the next stretch begins; the second, one duration later, stops what was for the place.
+    world: of the first stretch; members: parameters (N,) by path of each stretch, of the same N members. The first
+    pulse brings a body to speed and on its way to the place where the next stretch begins; the second, one duration
+    later, stops what was for the place.
     """
     joint, begin, frame = dict(members[0]), 0.0, world.time.seconds_per_frame
-    for number, (block, later) in enumerate(zip(blocks[:-1], blocks[1:], strict=True), start=1):
+    for number, (block, later) in enumerate(itertools.pairwise(blocks), start=1):
         link = block.link
         assert link is not None
         begin += link.time
@@ -83,8 +85,8 @@ def refined(
 ) -> dict[str, Array]:
     """Fit the first member's initial state and impulses to the whole run, with its constants as they are.
 
-    world: that of `led`, with the first member's parameters; at (N,): states of its first stretch. Returns the overrides
-    of all members.
+    world: that of `led`, with the first member's parameters; at (N,): states of its first stretch. Returns the
+    overrides of all members.
     """
     unknowns = []
     for number, block in enumerate(blocks[:-1], start=1):

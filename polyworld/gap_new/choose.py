@@ -51,6 +51,33 @@ def score(pool: Sequence[Fitted], counts: Array) -> float:
     return share
 
 
+def equivalent(a: Fitted, b: Fitted, null: Fitted) -> bool:
+    """Return whether two hypotheses predict one motion, which is not that of the base: damping in a joint and drag of
+    the one body that hangs on it. No data of this design separate them, so that they are one answer."""
+    if len(a.hypothesis.parts) != len(b.hypothesis.parts) or abs(a.objective - b.objective) > 1.0:
+        return False
+    apart = effect = 0.0
+    for one, other, without in zip(a.slopes, b.slopes, null.slopes, strict=True):
+        apart += float(((one.residuals - other.residuals) ** 2).sum())
+        effect += float(((one.residuals - without.residuals) ** 2).sum())
+    settings = null.ground.settings
+    return apart < min(a.scale**2, settings.alike * effect)
+
+
+def distinct(pool: Sequence[Fitted], null: Fitted) -> tuple[list[Fitted], dict[int, list[Fitted]]]:
+    """Return a pool with one of each set of equivalent hypotheses, the simplest, and by its `id` the others."""
+    order = sorted(pool, key=lambda f: (f.simplicity, sum(not p.candidate.plain for p in f.hypothesis.parts), f.total))
+    kept: list[Fitted] = []
+    others: dict[int, list[Fitted]] = {}
+    for f in order:
+        same = next((k for k in kept if f is not null and k is not null and equivalent(f, k, null)), None)
+        if same is None:
+            kept.append(f)
+        else:
+            others.setdefault(id(same), []).append(f)
+    return sorted(kept, key=lambda f: f.total), others
+
+
 def choose(
     pool: Sequence[Fitted],
     settings: GapSettings,

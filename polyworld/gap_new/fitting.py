@@ -13,6 +13,7 @@ from polyworld.gap_new.hypothesis import Hypothesis
 
 Array = NDArray[np.float64]
 
+FEWEST = 6  # residuals of a channel that show its scale
 REST = 0.02  # fall of chi-square, in squared scales, below which an iteration gains nothing
 OPENINGS = (0.12, 0.35, 0.7, 1.0)  # shares of the time of growing fits, after the first samples
 
@@ -81,26 +82,38 @@ def fit(ground: Ground, hypothesis: Hypothesis, start: Point | None = None, grow
         for share in shares[:-1]:
             found = problem.descend(point, share)
             point = found.point
-            _soften(problem, soft, scale_of(found.normal), iterations)
+            _soften(problem, soft, scale_of(ground, found.normal), iterations)
             if share <= 0.12:
                 early = point
-        scale = scale_of(found.normal)
+        scale = scale_of(ground, found.normal)
     _soften(problem, soft, scale, iterations)
     found = problem.descend(point, 1.0)
-    last = scale_of(found.normal)
+    last = scale_of(ground, found.normal)
     if last < 0.5 * scale:  # what was model error is explained: large residuals count anew
         _soften(problem, soft, last, iterations)
         found = problem.descend(found.point, 1.0)
-    scale = scale_of(found.normal)
+    scale = scale_of(ground, found.normal)
     _soften(problem, soft, scale, iterations)
     cost = float(problem.costs([found.point], 1.0)[0]) / scale**2
     return Fitted(hypothesis, ground, problem, found.point, early, found.normal, scale, cost)
 
 
-def scale_of(normal: Normal) -> float:
+def scale_of(ground: Ground, normal: Normal) -> float:
     """Return the robust standard deviation of residuals in those of the noise, at least 1."""
     every = np.concatenate([one.residuals for one in normal.slopes])
-    return float(max(1.0, 1.4826 * np.median(np.abs(every))))
+    columns = [g.columns()[: len(one.residuals)] for g, one in zip(ground.readouts, normal.slopes, strict=True)]
+    return max(1.0, robust_scale(every, np.concatenate(columns)))
+
+
+def robust_scale(residuals: Array, columns: NDArray[np.int64]) -> float:
+    """Return the robust standard deviation of residuals (m,), of the channel (m,) that is described worst.
+
+    What is wrong along one axis alone, as at a wall, is no outlier among what is right along others, and spins that
+    never change are described by every law.
+    """
+    counts = np.bincount(columns)
+    own = [np.abs(residuals[columns == c]) for c in np.flatnonzero(counts >= FEWEST)]
+    return 1.4826 * max([float(np.median(o)) for o in own] or [float(np.median(np.abs(residuals)))])
 
 
 def weights(residuals: Array, threshold: float) -> Array:

@@ -1,4 +1,4 @@
-"""What is fitted: the runs of a recording with their noise, readouts and initial states, as blocks of a problem."""
+"""Lay out the runs of a recording with their noise, readouts and initial states, as blocks of a problem."""
 
 from __future__ import annotations
 

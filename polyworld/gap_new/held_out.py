@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap_new.fitting import Fitted, weights
+from polyworld.estimation.run_readout import CHANNELS
+from polyworld.gap_new.fitting import Fitted, robust_scale, weights
 from polyworld.gap_new.ground import Ground
 from polyworld.gap_new.settings import GapSettings
 
@@ -23,6 +24,8 @@ Ints = NDArray[np.int64]
 
 TRIMMED = 5.0  # robust standard deviations of a run's residuals to which single ones are cut
 REFITS = 3  # of the initial state of a run left out
+SPINS = 6  # channel from which on those of an object are spins
+FEW = 0.1  # share of a run's values below which spins are no series
 RIDGE = 1e-9  # of the diagonal
 
 
@@ -142,6 +145,7 @@ def refit_states(
     problem = fitted.problem
     best = np.full(len(states), np.inf)
     kept = [one.residuals for one in fitted.slopes]
+    columns = [g.columns() for g in fitted.ground.readouts]
     states = [s.copy() for s in states]
     for turn in range(refits + 1):
         settings, widths = [], []
@@ -154,7 +158,7 @@ def refit_states(
             widths.append(step)
         for r, (one, width) in enumerate(zip(problem.evaluate(settings, 1.0), widths, strict=True)):
             residual = one.residuals[0]
-            error = run_error(residual, len(states[r]))
+            error = run_error(residual, len(states[r]), columns[r])
             if error < best[r]:
                 best[r], kept[r] = error, residual
             if not len(width):
@@ -162,7 +166,7 @@ def refit_states(
             slopes = ((one.residuals[1:] - residual) / width[:, None]).T
             prior = problem.runs[r][0].states.prior
             inverse = np.where(np.isfinite(prior[:, 1]), prior[:, 1], np.inf) ** -2.0
-            w = weights(residual, fitted.ground.settings.soft * max(1.0, 1.4826 * float(np.median(np.abs(residual)))))
+            w = weights(residual, fitted.ground.settings.soft * max(1.0, robust_scale(residual, columns[r])))
             own_matrix = (slopes * w[:, None]).T @ slopes
             diagonal = np.diag(own_matrix)
             own_matrix = own_matrix + np.diag(inverse + 1e-6 * diagonal + 1e-9 * diagonal.max() + 1e-12)
@@ -171,11 +175,16 @@ def refit_states(
     return best, kept
 
 
-def run_error(residuals: Array, states: int) -> float:
-    """Return the root mean square of residuals, the largest trimmed, for so many fitted states."""
+def run_error(residuals: Array, states: int, columns: Ints) -> float:
+    """Return the root mean square of residuals (m,), the largest trimmed, for so many fitted states; of spins where
+    these are described worse. columns (m,): the channel of each."""
     size = np.abs(residuals)
-    cut = TRIMMED * 1.4826 * float(np.median(size)) + 1e-12
-    return float(np.sqrt((np.minimum(size, cut) ** 2).sum() / max(len(size) - states, 1)))
+    trimmed = np.minimum(size, TRIMMED * robust_scale(residuals, columns) + 1e-12)
+    spins = columns % CHANNELS >= SPINS
+    if not FEW * len(size) < spins.sum() < len(size):
+        return float(np.sqrt((trimmed**2).sum() / max(len(size) - states, 1)))
+    rest = float(np.sqrt((trimmed[~spins] ** 2).sum() / max((~spins).sum() - states, 1)))
+    return max(rest, float(np.sqrt(np.mean(trimmed[spins] ** 2))))
 
 
 def _by_stretches(fitted: Fitted, folds: Sequence[Fold]) -> None:
@@ -219,7 +228,7 @@ def _by_stretches(fitted: Fitted, folds: Sequence[Fold]) -> None:
     for r, one in enumerate(problem.evaluate(settings, 1.0)):
         for row, k in enumerate([k for k, f in enumerate(folds) if f.run == r]):
             rows = _inside(fitted.ground, folds[k])
-            errors[k] = run_error(one.residuals[row][rows], 0)
+            errors[k] = run_error(one.residuals[row][rows], 0, fitted.ground.readouts[r].columns()[rows])
             part = fitted.ground.readouts[r].grid(one.residuals[row])
             grids[r][folds[k].first : folds[k].last] = part[folds[k].first : folds[k].last]
     fitted.errors, fitted.grids = errors, tuple(grids)
@@ -233,5 +242,10 @@ def _inside(ground: Ground, fold: Fold) -> NDArray[np.bool_]:
 
 
 def fold_counts(ground: Ground, folds: Sequence[Fold]) -> Array:
-    """Return how many values (F,) each fold has."""
-    return np.array([float(_inside(ground, f).sum()) for f in folds])
+    """Return how many values (F,) each fold has, of spins only where nothing else was measured."""
+    found = []
+    for fold in folds:
+        columns = ground.readouts[fold.run].columns()[_inside(ground, fold)]
+        rest = float((columns % CHANNELS < SPINS).sum())
+        found.append(rest or float(len(columns)))
+    return np.array(found)

@@ -39,8 +39,12 @@ class Part:
     @property
     def stands_in(self) -> bool:
         """Whether it has a place or a clock, by which it bends to what other laws leave."""
-        bends = self.candidate.group == "observer" and any(w in self.candidate.name for w in ("distortion", "keystone"))
-        return bool(self.variant.idle) or self.candidate.local or bends
+        return bool(self.variant.idle) or self.candidate.local or self.bends
+
+    @property
+    def bends(self) -> bool:
+        """Whether it is an observer's fault that changes from place to place."""
+        return self.candidate.group == "observer" and any(w in self.candidate.name for w in ("distortion", "keystone"))
 
     @property
     def rescales(self) -> bool:
@@ -95,7 +99,7 @@ class Hypothesis:
         own."""
         total = 0.0
         for p in self.parts:
-            place = p.candidate.local or any("velocity" not in i for i in p.variant.idle)
+            place = p.candidate.local or p.bends or any("velocity" not in i for i in p.variant.idle)
             total += len(p.shared) + settings.place_cost * place
             total += settings.state_cost * len(p.own)
         return total

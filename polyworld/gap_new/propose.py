@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 
 from polyworld.estimation.least_squares import Point
 from polyworld.gap_new.candidate import Candidate
-from polyworld.gap_new.fitting import Fitted, weights
+from polyworld.gap_new.fitting import Fitted, fit, weights
 from polyworld.gap_new.hypothesis import Hypothesis, extended, replace_starts, starts_of
+from polyworld.gap_new.kinks import kinks
 
 Array = NDArray[np.float64]
 
 BEGINNINGS = (0.05, 0.12, 0.3)  # shares of the time over which periods are compared
 BRIEF = 3  # iterations of fits that compare them
+FEWEST = 6  # samples before a kink that give a state
+BEFORE = 0.75  # of the time up to a kink: noise displaces it
 ENOUGH = 50.0  # nats against the bare noise from which a start is tried although model error drowns it
 SMALL = 0.3  # of an ordinary change: start of a strength whose slope points beyond its bound
 
@@ -68,7 +71,7 @@ def proposals(parent: Fitted, candidates: Sequence[Candidate], keep: int, share:
 
     share: of values that count as independent, by which predicted gains are believed.
     """
-    projection = Projection(parent)
+    projection, undisturbed = Projection(parent), None
     found = []
     for candidate in candidates:
         own: list[Start] = []
@@ -83,20 +86,22 @@ def proposals(parent: Fitted, candidates: Sequence[Candidate], keep: int, share:
             elif part.rescales:
                 own += _rescaled(parent, hypothesis, keep)
             elif part.sudden:
-                own += _sudden(parent, hypothesis, keep)
+                undisturbed = undisturbed or _undisturbed(parent)
+                own += _sudden(parent, hypothesis, undisturbed, keep)
             else:
                 own += _scored(parent, hypothesis, projection, keep, share)
             if candidate.plain and part.shared and any(p.rescales for p in parent.hypothesis.parts):
                 added = np.array([u.start + (SMALL * u.typical if u.lower >= u.start else 0.0) for u in part.shared])
-                early = _point(parent, hypothesis, added, early=True)  # without it, phases drift and slopes mislead
+                early = _point(parent, hypothesis, added, parent.early)  # without it, phases drift and slopes mislead
                 own.append(Start(hypothesis, early, np.inf, growing=True))
         found += sorted(own, key=lambda s: -s.gain)[: 2 * keep]
     return found
 
 
-def _point(parent: Fitted, hypothesis: Hypothesis, added: Array, early: bool = False) -> Point:
-    """Return the parent's point with values (p,) of the shared unknowns that a part adds, and neutral ones of runs."""
-    at = parent.early if early else parent.point
+def _point(parent: Fitted, hypothesis: Hypothesis, added: Array, at: Point | None = None) -> Point:
+    """Return the parent's point, or another of its points, with values (p,) of the shared unknowns that a part adds,
+    and neutral ones of runs."""
+    at = at or parent.point
     states = []
     for run, own in zip(parent.ground.recording.runs, at.states, strict=True):
         extra = np.array([u.start for u in hypothesis.parts[-1].own if u.run == run.name])
@@ -158,14 +163,38 @@ def _scored(parent: Fitted, hypothesis: Hypothesis, projection: Projection, keep
     return [s for s in kept if share * s.gain >= asked] or drowned
 
 
-def _sudden(parent: Fitted, hypothesis: Hypothesis, keep: int) -> list[Start]:
-    """Return the starts that describe the data best as they are, with states of a whole and of a short fit."""
-    points = [_point(parent, hypothesis, s, early) for s in starts_of(hypothesis) for early in (False, True)]
+def _sudden(parent: Fitted, hypothesis: Hypothesis, undisturbed: Point, keep: int) -> list[Start]:
+    """Return the starts that describe the data best as they are, with states of fits to the whole runs, to their first
+    samples, and to what precedes the first kink (`undisturbed`)."""
+    states = (parent.point, parent.early, undisturbed)
+    points = [_point(parent, hypothesis, s, at) for s in starts_of(hypothesis) for at in states]
     problem = parent.ground.problem(hypothesis)
     problem.settings = parent.problem.settings
     costs = problem.costs(points, 1.0) / parent.scale**2
     order = np.argsort(costs)[: 2 * keep]
     return [Start(hypothesis, points[i], parent.cost - float(costs[i]), growing=True) for i in order.tolist()]
+
+
+def _undisturbed(parent: Fitted) -> Point:
+    """Return the parent's point with initial states fitted to each run up to its first kink.
+
+    Of a run that struck something the whole gives a mean velocity, and its first samples a noisy one.
+    """
+    ground = parent.ground
+    first: dict[int, float] = {}
+    for kink in kinks(ground.world, ground.recording):
+        first[kink.run] = min(first.get(kink.run, np.inf), kink.time)
+    lengths = [
+        len(run.times) if r not in first else max(FEWEST, int(BEFORE * np.searchsorted(run.times, first[r])))
+        for r, run in enumerate(ground.recording.runs)
+    ]
+    runs = [run.rows(np.arange(len(run.times)) < n) for run, n in zip(ground.recording.runs, lengths, strict=True)]
+    part = ground.cut(runs, ground.noise)
+    own = [s[0] if r not in first else None for r, s in enumerate(parent.point.states)]
+    start = part.problem(parent.hypothesis).start().states
+    mixed = tuple((s[0] if o is None else o,) for s, o in zip(start, own, strict=True))
+    found = fit(part, parent.hypothesis, Point(parent.values, mixed), iterations=ground.settings.full, scale=1.0)
+    return Point(parent.values, found.point.states)
 
 
 def _rescaled(parent: Fitted, hypothesis: Hypothesis, keep: int) -> list[Start]:

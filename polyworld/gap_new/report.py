@@ -56,6 +56,7 @@ class GapReport:
             "verdict": v.kind,
             "reasons": list(v.reasons),
             "effects": effects_of(v.best),
+            "equivalent": [_listed(f) for f in v.equivalent],
             "competitors": [_listed(f) for f in v.competitors],
             "frequencies": v.frequencies,
             "stable": v.stable,

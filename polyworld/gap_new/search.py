@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.gap_new.candidate import Candidate
-from polyworld.gap_new.choose import credible, score
+from polyworld.gap_new.choose import credible, equivalent, score
 from polyworld.gap_new.fitting import Fitted, fit
 from polyworld.gap_new.ground import Ground
 from polyworld.gap_new.held_out import Fold, fold_counts, folds_of, predict_left_out
@@ -40,6 +40,7 @@ class Search:
         self.folds: tuple[Fold, ...] = folds_of(self.ground, self.ground.settings)
         self.counts = fold_counts(self.ground, self.folds)
         self._seen: set[frozenset[tuple[str, str]]] = set()
+        self._same: set[str] = set()
 
         lengths = [c for c in self.library if c.name == "length_error"]
         if any(
@@ -54,12 +55,21 @@ class Search:
         plain = [c for c in self.library if c.plain]
         singles = self._level([self.null], plain, starts=1)
         self._add(singles)
+        self._same_laws(singles)
         pairs = []
-        for a, b in combinations(plain, 2):
+        for a, b in combinations([c for c in plain if c.name not in self._same], 2):
             for parent in [f for f in singles if f.hypothesis.names == {a.name}][:1]:
                 pairs += self._brief(proposals(parent, [b], 1))
         self._add(self._finished(pairs))
         self.report("plain laws", {"best": self.pool[0].hypothesis.title})
+
+    def _same_laws(self, singles: Sequence[Fitted]) -> None:
+        """Note laws that predict what another does: beside further laws the other stands for them."""
+        for k, f in enumerate(singles):
+            for g in singles[:k]:
+                (one,), (other,) = f.hypothesis.names, g.hypothesis.names
+                if one != other and other not in self._same and equivalent(f, g, self.null):
+                    self._same.add(one)
 
     def places(self) -> None:
         """Try what acts at one place on top of the best plain laws: it may be what makes one run unlike the others."""
@@ -78,6 +88,9 @@ class Search:
             self._add(self._level(level, self.library, settings.starts if depth == 1 else 1))
             self.report(f"{depth} effects", {"best": self.pool[0].hypothesis.title})
             trusted = credible(self.pool, self.null)
+            nearest = min(trusted, key=lambda f: f.total, default=self.null)
+            if float(nearest.scores.sum()) < settings.nats:
+                return  # at the noise: no further law has anything to gain
             known = [f for f in trusted if len(f.hypothesis.parts) == depth]
             least = min((f.total for f in trusted if len(f.hypothesis.parts) < depth), default=np.inf)
             if not known or (known[0].total > least - settings.nats and depth > 1):
@@ -93,6 +106,8 @@ class Search:
         found: list[Start] = []
         for parent in parents:
             for candidate in candidates:
+                if parent.hypothesis.parts and candidate.name in self._same:
+                    continue
                 if self.stopped():
                     self.limited = True
                     break

@@ -21,7 +21,8 @@ class GapSettings:
     closed: ratio of errors, beyond the noise, that a name must reach on data held out. matters: ratio of errors below
     which a law that bootstraps add decides something. plausible: departures from neutral, in those that physics makes
     ordinary, beyond which a hypothesis is impossible. gravity: relative, and level [rad]: tolerances to which gravity
-    and the horizontal are known.
+    and the horizontal are known. alike: squared difference of two predictions over that of an effect below which they
+    are one law: slow forcing stands in for a tilt within 4e-3, and is not.
 
     Search. depth: most laws together. branches: hypotheses of one depth that are extended. starts: of a law with
     places that are fitted. tried: hypotheses of one depth that are fitted to the end. samples: of a run that are
@@ -49,6 +50,7 @@ class GapSettings:
     plausible: float = 3.0
     gravity: float = 0.05
     level: float = 0.05
+    alike: float = 2e-3
     depth: int = 3
     branches: int = 2
     starts: int = 2

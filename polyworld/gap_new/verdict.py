@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from polyworld.gap_new.choose import choose, credible, helped_folds, typical_error, winners
+from polyworld.gap_new.choose import choose, credible, distinct, helped_folds, typical_error, winners
 from polyworld.gap_new.fitting import Fitted
 from polyworld.gap_new.held_out import reduced
 
@@ -25,6 +25,7 @@ class Verdict:
 
     frequencies: share of bootstraps over folds that hold an effect; stable: of those that hold all of the best's.
     before, after: held-out errors in standard deviations of the noise. reasons: what kept it from being more.
+    equivalent: hypotheses that predict the same motion as the best one, so that no data of this design separate them.
     """
 
     kind: Kind
@@ -36,6 +37,7 @@ class Verdict:
     after: float
     share: float
     reasons: tuple[str, ...] = ()
+    equivalent: tuple[Fitted, ...] = ()
 
 
 def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool = False) -> Verdict:
@@ -50,6 +52,7 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
         trusted = [f for f in trusted if not any(p.stands_in for p in f.hypothesis.parts)]
     if null not in trusted:
         trusted.append(null)
+    trusted, same = distinct(trusted, null)
     kept = helped_folds(min(trusted, key=lambda f: f.total), trusted, null)
     choice = choose(trusted, settings, share, kept=kept)
     named = choice.chosen
@@ -74,7 +77,8 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
         others = {id(f): f for f in drawn if not named.hypothesis.names <= f.hypothesis.names}
         rivals = sorted(others.values(), key=lambda f: f.total)[:4]
     kind, reasons = _kind(named, null, rivals)
-    return Verdict(kind, named, tuple(rivals), frequency, stable, before, after, share, reasons)
+    twins = tuple(same.get(id(named), ()))
+    return Verdict(kind, named, tuple(rivals), frequency, stable, before, after, share, reasons, twins)
 
 
 def _needed(named: Fitted, trusted: Sequence[Fitted], frequency: dict[str, float]) -> Fitted:

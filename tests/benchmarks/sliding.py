@@ -5,7 +5,7 @@
 Data: ../shared/data/sliding (README there): another engine's scenes, 12 to 22 frames before the collisions that are
 asked about; of every clip four places, also of the clip without one of its bodies. Errors are medians over the 24
 places: of the posterior's median, of the committed world, and of bodies that stay. inside: part of the coordinates
-within their 80% intervals.
+within their 80% intervals. Ablations are of the pooled fit.
 """
 
 from __future__ import annotations
@@ -53,19 +53,14 @@ def _clip(name: str, truth: dict[str, Any], noise: str, by_object: bool = False)
     kinds = [o["shape"]["kind"] for o in truth["objects"]]
     alike = tuple(SHAPES[k][1] for k in kinds)
     tracks = ObservedTracks(tuple(names), np.arange(frames), step, places, sigma, turns, seen, seen, alike)
-    objects = tuple(
-        RigidObject(
-            name=o["name"],
-            representation="rigid_planar",
-            shape=SHAPES[kind][0](**{k: v for k, v in o["shape"].items() if k != "kind"}),
-            mass=o["mass"],
-            position=(0.0, 0.0, 0.167),
-            appearance=Appearance(material=None if by_object else o["material"]),
-        )
-        for o, kind in zip(truth["objects"], kinds, strict=True)
-    )
+    objects = []
+    for o, kind in zip(truth["objects"], kinds, strict=True):
+        shape = SHAPES[kind][0](**{k: v for k, v in o["shape"].items() if k != "kind"})
+        look = Appearance(material=None if by_object else o["material"])
+        given = {"name": o["name"], "shape": shape, "mass": o["mass"], "appearance": look}
+        objects.append(RigidObject(representation="rigid_planar", position=(0.0, 0.0, 0.167), **given))
     time_base, plane = TimeBase(seconds_per_frame=step, frame_count=frames), MotionPlane(friction=0.7)
-    world = World(objects=objects, time=time_base, environment=Environment(motion_plane=plane))
+    world = World(objects=tuple(objects), time=time_base, environment=Environment(motion_plane=plane))
     return StudyRun(name, world, tracks)
 
 
@@ -103,12 +98,8 @@ def rows(noise: str, ablations: bool) -> list[dict[str, Any]]:
     coulomb = replace(whole, edit=lambda found: [u for u in found if "damping" not in u.name])
     ways = [("pooled", [clips], whole, usual), ("alone", [[c] for c in clips], whole, usual)]
     if ablations:
-        ways += [
-            ("pooled, impacts hard", [clips], whole, hard),
-            ("pooled, constants by object", [plain], whole, usual),
-            ("pooled, no priors", [clips], without_priors, usual),
-            ("pooled, Coulomb alone", [clips], coulomb, usual),
-        ]
+        ways += [("impacts hard", [clips], whole, hard), ("constants by object", [plain], whole, usual)]
+        ways += [("no priors", [clips], without_priors, usual), ("Coulomb alone", [clips], coulomb, usual)]
     found = []
     for name, studies, options, settings in ways:
         began = time.process_time()
@@ -116,8 +107,7 @@ def rows(noise: str, ablations: bool) -> list[dict[str, Any]]:
         seconds = (time.process_time() - began) / len(clips)
         errors = np.array([e for f in fits for run in f.runs for e in _errors(run, truths[run.name])])
         middle = dict(zip(("median", "committed", "stays"), np.median(errors[:, :3], axis=0).tolist(), strict=True))
-        inside = float(errors[:, 3].mean())
-        found.append({"noise": noise, "way": name, **middle, "inside": inside, "seconds": seconds})
+        found.append({"noise": noise, "way": name, **middle, "inside": float(errors[:, 3].mean()), "seconds": seconds})
     return found
 
 
@@ -130,7 +120,7 @@ def main() -> None:
     asked = parser.parse_args()
     if not FOLDER.exists():
         raise SystemExit(f"no data: {FOLDER} is absent")
-    line = "{noise:>5}  {way:<28} {median:.3f} m  committed {committed:.3f} m  stays {stays:.2f} m  inside {inside:.2f}"
+    line = "{noise:>5}  {way:<20} {median:.3f} m  committed {committed:.3f} m  stays {stays:.2f} m  inside {inside:.2f}"
     for noise in asked.noise or NOISES:
         for row in rows(noise, asked.ablations):
             print(json.dumps(row) if asked.json else f"{line}  {{seconds:.2f}} s a clip".format(**row), flush=True)

@@ -27,6 +27,7 @@ from polyworld.world.shapes import Plane, Sphere
 Array = NDArray[np.float64]
 
 MOST_STARTS = 6
+MOST_TURN = 1.0  # [rad] from its axis: beyond pi / 4 it is another axis' wall, whose offset says where it stands
 MOST_HITS = 24  # the sharpest
 PAIRED = 6  # of which each two may show a wall
 BEYOND = 0.5  # of a body's radius that paths may reach behind a wall before it cannot stand there
@@ -103,11 +104,15 @@ def _variant(
     sizes |= {f"turn_{'xyz'[k]}": (f"rotation.{'xyz'[k]}", 0.1) for k in turned}
     sizes |= {label: (label, 0.2) for label in known}
     unknowns = tuple(
-        of_path(child, (f"statics.{name}.{field}",), label, starts[0][label], typical)
+        of_path(child, (f"statics.{name}.{field}",), label, starts[0][label], typical, **_limits(label))
         for label, (field, typical) in sizes.items()
     )
     label = f"across {'xyz'[axis]}, facing {'-+'[side > 0]}{'xyz'[axis]}"
     return Variant(child, (*unknowns, *spins), starts, label + (", rough" if rough else ""))
+
+
+def _limits(label: str) -> dict[str, float]:
+    return {"lower": -MOST_TURN, "upper": MOST_TURN} if label.startswith("turn") else {}
 
 
 def _spins(world: World, recording: Recording) -> tuple[Unknown, ...]:

@@ -2,8 +2,8 @@
 
 A table by family: error of the posterior's median, and of the fitted world, 0.5, 1 and 2 s after the clip over that of
 staying at the last frame (ratio of medians, and of means), coverage of 80% intervals, and processor seconds a clip.
-Heights count in coverage where they change. Sensitive bodies do not count. Scenes are written to --folder when missing. Set
-OMP_NUM_THREADS=1, so that processor seconds are those of one thread.
+Heights count in coverage where they change. Sensitive bodies do not count. Scenes are written to --folder when missing.
+Set OMP_NUM_THREADS=1, so that processor seconds are those of one thread.
 """
 
 import argparse
@@ -93,9 +93,8 @@ def rows_of(found: StudyFit, task: dict[str, Any], key: dict[str, Any], planar: 
         counted = [c for c in range(axes.stop) if c < 2 or abs(truth[2] - path[last, 2]) > CHANGES]
         apart = [np.median(places[kept], axis=0) - truth, places[0] - truth, path[last] - truth]
         error, first, stays = (float(np.linalg.norm(a[axes])) for a in apart)
-        held = [bool(low[c] <= truth[c] <= high[c]) for c in counted]
-        rows.append({"body": name, "after": h, "error": error, "first": first, "stays": stays, "held": held,
-                     "sensitive": own["sensitive"]})  # fmt: skip
+        held, sensitive = [bool(low[c] <= truth[c] <= high[c]) for c in counted], own["sensitive"]
+        rows.append(dict(body=name, after=h, error=error, first=first, stays=stays, held=held, sensitive=sensitive))
     return rows
 
 

@@ -64,7 +64,8 @@ def test_stretches_hold_all_frames_but_those_of_the_contact_and_begin_where_trac
     exact = path(3, BYSTANDER)[round(after.begin / FRAME)]
     for i, name in enumerate("abc"):
         assert after.world.object(name).position[:2] == pytest.approx(exact[i, :2], abs=4.0 * SIGMA)
-        assert after.world.object(name).velocity[:2] == pytest.approx(exact[i, 3:5], abs=0.15)
+        slow = np.linalg.norm(exact[i, 3:5]) < 0.3  # may be taken for rest
+        assert after.world.object(name).velocity[:2] == pytest.approx(exact[i, 3:5], abs=0.3 if slow else 0.15)
 
 
 def test_a_link_is_loose_for_those_who_met_by_their_jump_and_tight_for_others() -> None:
