@@ -86,8 +86,9 @@ def constants(
 
 def _other_paths(world: World, materials: Sequence[str] | None) -> list[str]:
     """Paths of numbers that have no ordinary value: of effects, joints, pulleys, emitters, deformable materials."""
-    found = [f"effects.{e.name}.{key}" for e in world.effects if e.enabled and e.name != RESISTANCE and e.kind != "collision_slack"
-             for key in law_of(e).parameters]  # fmt: skip
+    ours = [e.name for e in world.effects if e.name == RESISTANCE or e.kind == "collision_slack"]
+    acting = [e for e in world.effects if e.enabled and e.name not in ours]
+    found = [f"effects.{e.name}.{key}" for e in acting for key in law_of(e).parameters]
     for item in world.deformables:
         entry = material_of(item)
         beside = entry.form == "liquid" and item.name != world.of_form("liquid")[0].name  # densities enter as ratios

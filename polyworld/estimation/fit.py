@@ -1,4 +1,4 @@
-"""Fit a study: prepare its runs, descend from a small portfolio of starts, sample what the data allow, test prediction."""
+"""Fit a study: prepare its runs, descend from few starts, sample what the data allow, test what is predicted."""
 
 from __future__ import annotations
 
@@ -69,11 +69,11 @@ class FitOptions:
 
 @dataclass(frozen=True)
 class FittedConstant:
-    """A constant: the value at the minimum, with the standard deviation and the interval that holds 80% of the posterior.
+    """A constant: its value at the minimum, its standard deviation and the interval that holds 80% of the posterior.
 
     prior: mean and standard deviation, of the natural logarithm where the scale is "log"; None where there is none.
-    informed: part of the prior's variance that the data took away; below a half the value is the prior's. draws (N,): of
-    the posterior.
+    informed: part of the prior's variance that the data took away; below a half the value is the prior's. draws (N,):
+    of the posterior.
     """
 
     unknown: Unknown
@@ -389,7 +389,7 @@ class _Found:
 
     @property
     def evidence(self) -> float:
-        """Minus twice the logarithm of the evidence, up to a constant: the minimum, and the prior's volume it leaves."""
+        """Minus twice the log-evidence, up to a constant: the minimum, and the volume of the prior that it leaves."""
         return self.minimum.cost + self.problem.occam(self.minimum)
 
     @property

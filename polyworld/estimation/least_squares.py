@@ -62,7 +62,6 @@ class Minimum:
     point: Point
     cost: float
     normal: Normal
-    iterations: int
     converged: bool
     misfit: float
 
@@ -240,9 +239,9 @@ class Problem:
     ) -> Minimum:
         """Minimise from a point over a share of every block's time."""
         cost = float(self.costs([at], most)[0])
-        damping, still, number = 1e-2, 0, 0
+        damping, still = 1e-2, 0
         normal = self.normal(at, most)
-        for number in range(1, self.settings.iterations + 1):
+        for _ in range(self.settings.iterations):
             if cancelled is not None and cancelled():
                 break
             trials = [self.step(normal, at, damping * f) for f in self.settings.dampings]
@@ -260,7 +259,7 @@ class Problem:
             still = still + 1 if gain < self.settings.rest else 0
             if still >= 2:
                 break
-        return Minimum(at, cost, normal, number, still >= 2, cost - float(self.prior_costs(at.shared[None])[0]))
+        return Minimum(at, cost, normal, still >= 2, cost - float(self.prior_costs(at.shared[None])[0]))
 
     def fit(
         self,
@@ -304,11 +303,11 @@ class Problem:
         """Return a point as a minimum that something else found."""
         cost = float(self.costs([point], 1.0)[0])
         return Minimum(
-            point, cost, self.normal(point, 1.0), 0, True, cost - float(self.prior_costs(point.shared[None])[0])
+            point, cost, self.normal(point, 1.0), True, cost - float(self.prior_costs(point.shared[None])[0])
         )
 
     def remainder(self, found: Minimum) -> float:
-        """Return the mean square of residuals in variances of the noise, at least 1: what the model leaves beyond it."""
+        """Return the mean square of residuals in variances of the noise, at least 1: what the model leaves."""
         blocks = [b for run in self.runs for b in run]
         count = sum(b.size + (6 * len(b.link.place) if b.link else 0) for b in blocks)
         free = count - len(self.shared) - sum(b.states.count for b in blocks)
@@ -341,7 +340,7 @@ class Problem:
 
 
 def _coloured(touched: Flags) -> Ints:
-    """Return a colour for every coordinate (K,), such that none moves a group (K, G) that another of its colour does."""
+    """Return a colour for every coordinate (K,): those of one colour move different groups (K, G)."""
     used: list[Flags] = []
     found = np.zeros(len(touched), dtype=np.int64)
     for i, row in enumerate(touched):

@@ -1,10 +1,11 @@
-"""Roll out settings of many blocks together: those of equal worlds share one simulator, whatever their initial states."""
+"""Roll out settings of many blocks together: equal worlds share one simulator, whatever their initial states."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +100,7 @@ class Machine:
         if len(jobs) == 1:
             return [batch]
         first = np.concatenate([[0], np.cumsum([j.count for j in jobs])])
-        return [_rows(batch, slice(a, b)) for a, b in zip(first[:-1], first[1:], strict=True)]
+        return [_rows(batch, slice(a, b)) for a, b in pairwise(first)]
 
 
 class Machines:

@@ -17,7 +17,7 @@ def track_sigma(tracks: ObservedTracks) -> Array:
     """Return standard deviations (n,) [m] of the positions of each track.
 
     By third differences: smooth motion has none, and of white noise they have 20 times its variance. A stated noise is
-    taken where it is no smaller than that and no larger than three times; tracks too short to show it have what is stated.
+    taken where it is no smaller than that and no larger than three times; short tracks have what is stated.
     Third differences of all tracks together bound that of each from below, since a few samples say little.
     """
     stated, scatter = np.zeros(len(tracks.names)), np.full(len(tracks.names), np.nan)

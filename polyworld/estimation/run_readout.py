@@ -104,7 +104,6 @@ class RunReadout:
         """Return the instant (m,) that each residual belongs to."""
         return np.nonzero(self.measured)[0].astype(np.int64)
 
-
     def columns(self) -> NDArray[np.int64]:
         """Return the channel (m,) that each residual belongs to."""
         return np.nonzero(self.measured)[1].astype(np.int64)

@@ -170,7 +170,7 @@ def _supported(
     index = {label: i for i, label in enumerate(labels)}
     radius = float(getattr(item.shape, "radius", 1.0))
 
-    def overrides(values: Array, given: Mapping[str, Array]) -> dict[str, Array]:
+    def overrides(values: Array, _: Mapping[str, Array]) -> dict[str, Array]:
         count = len(values)
         place = support.position + values[:, :2] @ tangents
         along = values[:, 2:4] @ tangents if moves else np.zeros((count, 3))
