@@ -53,7 +53,7 @@ def initial_state(stretch: Stretch, settings: PriorSettings, rolling: Rolling, *
                 parts.append(StateMap(own.labels, own.start, own.typical, none, own.overrides))
     for item in world.objects:
         state = seen.get(item.name)
-        if state is not None and stretch.carried:  # a collision may leave a speed too slow to tell from rest
+        if state is not None and stretch.carried:  # a collision may leave a speed that looks like rest
             state = replace(state, moves=True)
         if item.name in held or (state is None and not stretch.carried):
             continue

@@ -31,7 +31,9 @@ class Study:
         if repeated:
             raise ValueError(f"names of runs must be unique; repeated: {repeated}")
         if len({run.world.planar for run in self.runs}) > 1:
-            raise ValueError("runs of a study must be all planar or all spatial: build them alike, BuildWorld(representation=...) says how")
+            raise ValueError(
+                "runs of a study must be all planar or all spatial: BuildWorld(representation=...) builds them alike"
+            )
 
 
 def of_one(world: World, tracks: ObservedTracks, name: str = "run") -> Study:

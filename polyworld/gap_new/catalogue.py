@@ -1,4 +1,4 @@
-"""The catalogue of what may be missing from a world: effects of `polyworld.effects`, and faults of `gap.faults`."""
+"""Catalogue what may be missing: effects of `polyworld.effects`, and faults, its own before those of `gap.faults`."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import pkgutil
 from collections.abc import Sequence
 from functools import cache
 
+from polyworld.estimation.candidate import Candidate
+from polyworld.gap import faults as shared
 from polyworld.gap_new import faults
-from polyworld.gap_new.candidate import Candidate
 from polyworld.gap_new.effect_candidates import effect_candidates
 
 # Groups in the order in which readers meet them; within a group, candidates stand as their modules are named.
@@ -35,8 +36,11 @@ def named(names: Sequence[str]) -> list[Candidate]:
 @cache
 def _all() -> tuple[Candidate, ...]:
     found = list(effect_candidates())
-    for module in sorted(m.name for m in pkgutil.iter_modules(faults.__path__)):
-        found += getattr(importlib.import_module(f"{faults.__name__}.{module}"), "CANDIDATES", ())
+    own = {m.name for m in pkgutil.iter_modules(faults.__path__)}
+    others = {m.name for m in pkgutil.iter_modules(shared.__path__)} - own
+    modules = [f"{faults.__name__}.{m}" for m in own] + [f"{shared.__name__}.{m}" for m in others]
+    for module in sorted(modules, key=lambda m: m.rpartition(".")[2]):
+        found += getattr(importlib.import_module(module), "CANDIDATES", ())
     names = [c.name for c in found]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

@@ -61,7 +61,8 @@ def equivalent(a: Fitted, b: Fitted, null: Fitted) -> bool:
         apart += float(((one.residuals - other.residuals) ** 2).sum())
         effect += float(((one.residuals - without.residuals) ** 2).sum())
     settings = null.ground.settings
-    return apart < min(a.scale**2, settings.alike * effect)
+    more = abs(a.simplicity - b.simplicity) > 1e-6  # the richer one follows the noise by a little, too
+    return apart < min((2.0 * settings.nats if more else 1.0) * a.scale**2, settings.alike * effect)
 
 
 def distinct(pool: Sequence[Fitted], null: Fitted) -> tuple[list[Fitted], dict[int, list[Fitted]]]:
@@ -142,8 +143,8 @@ def credible(pool: Sequence[Fitted], null: Fitted) -> list[Fitted]:
     """Return the hypotheses whose values are possible and whose effects are no stand-ins.
 
     What has a place or a clock bends to whatever is left: beside the hypothesis without it, it has to halve the error
-    or to reach the noise. What acts at one place must help two runs, or bring one to the noise, else a run
-    is unlike the others.
+    or to reach the noise; a picture that is bent has to reach it. What acts at one place must help two runs, or
+    bring one to the noise, else a run is unlike the others.
     """
     settings = null.ground.settings
     counts = null.ground.counts
@@ -155,7 +156,8 @@ def credible(pool: Sequence[Fitted], null: Fitted) -> list[Fitted]:
         for part in f.hypothesis.parts:
             without = f.hypothesis.key - {(part.candidate.name, part.variant.label)}
             less = known.get(without, null)
-            if part.stands_in and typical_error(f) > max(settings.near_noise, settings.halved * typical_error(less)):
+            halved = 0.0 if part.bends else settings.halved * typical_error(less)
+            if part.stands_in and typical_error(f) > max(settings.near_noise, halved):
                 break
             helped = _helped(f, less)
             alone = helped.sum() < 2 and np.all(f.errors[helped] > settings.near_noise)

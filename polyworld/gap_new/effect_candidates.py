@@ -10,10 +10,10 @@ from polyworld.data.recording import Recording
 from polyworld.effects import ABSENCES, CATALOGUE
 from polyworld.effects.absence import Way
 from polyworld.effects.conditions import Conditions
+from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap_new.adding import free_name, neutral, of_path, with_parts
-from polyworld.gap_new.candidate import Candidate, Variant
-from polyworld.gap_new.conditions import conditions
+from polyworld.gap.adding import free_name, neutral, of_path, with_parts
+from polyworld.gap.conditions import conditions
 from polyworld.world import Effect, World
 
 

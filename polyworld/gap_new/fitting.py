@@ -89,7 +89,7 @@ def fit(ground: Ground, hypothesis: Hypothesis, start: Point | None = None, grow
     _soften(problem, soft, scale, iterations)
     found = problem.descend(point, 1.0)
     last = scale_of(ground, found.normal)
-    if last < 0.5 * scale:  # what was model error is explained: large residuals count anew
+    if last < 0.5 * scale:  # what was model error is explained: large residuals count again
         _soften(problem, soft, last, iterations)
         found = problem.descend(found.point, 1.0)
     scale = scale_of(ground, found.normal)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
+from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap_new.candidate import Candidate, Variant
 from polyworld.gap_new.settings import GapSettings
 from polyworld.world import World
 from polyworld.world.parameters import with_parameters

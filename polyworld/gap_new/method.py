@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 
 from polyworld.data.recording import Recording
+from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap_new.candidate import Candidate
 from polyworld.gap_new.catalogue import catalogue
 from polyworld.gap_new.choose import credible
 from polyworld.gap_new.ground import Ground, ground_of

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.estimation.candidate import Candidate
 from polyworld.estimation.least_squares import Point
-from polyworld.gap_new.candidate import Candidate
+from polyworld.gap.kinks import kinks
 from polyworld.gap_new.fitting import Fitted, fit, weights
 from polyworld.gap_new.hypothesis import Hypothesis, extended, replace_starts, starts_of
-from polyworld.gap_new.kinks import kinks
 
 Array = NDArray[np.float64]
 
@@ -25,6 +25,8 @@ BEGINNINGS = (0.05, 0.12, 0.3)  # shares of the time over which periods are comp
 BRIEF = 3  # iterations of fits that compare them
 FEWEST = 6  # samples before a kink that give a state
 BEFORE = 0.75  # of the time up to a kink: noise displaces it
+KINKS = 4  # the sharpest
+NARROWER = 0.5  # times the width at which the law begins elsewhere: what makes a kink is narrow
 ENOUGH = 50.0  # nats against the bare noise from which a start is tried although model error drowns it
 SMALL = 0.3  # of an ordinary change: start of a strength whose slope points beyond its bound
 
@@ -112,7 +114,7 @@ def _point(parent: Fitted, hypothesis: Hypothesis, added: Array, at: Point | Non
 def _scored(parent: Fitted, hypothesis: Hypothesis, projection: Projection, keep: int, share: float) -> list[Start]:
     settings, part = parent.ground.settings, hypothesis.parts[-1]
     problem = parent.ground.problem(hypothesis)
-    starts = starts_of(hypothesis)
+    starts = _with_kinks(parent, hypothesis)
     acting = [i for i, u in enumerate(part.shared) if u.name not in part.variant.idle]
     first = len(parent.values)
     lower, upper = problem.lower[first:], problem.upper[first:]
@@ -161,6 +163,24 @@ def _scored(parent: Fitted, hypothesis: Hypothesis, projection: Projection, keep
     first = len(hypothesis.parts) == 1
     drowned = [s for s in kept if first and s.gain * parent.scale**2 >= 2.0 * ENOUGH]
     return [s for s in kept if share * s.gain >= asked] or drowned
+
+
+def _with_kinks(parent: Fitted, hypothesis: Hypothesis) -> Array:
+    """Return the starts (K, p) of the last part, of a law that acts about a place also at the sharpest kinks."""
+    starts, names = starts_of(hypothesis), [u.name for u in hypothesis.parts[-1].shared]
+    places = {names.index(f"centre_{a}"): "xyz".index(a) for a in "xyz" if f"centre_{a}" in names}
+    if "width" not in names or "width" not in hypothesis.parts[-1].variant.idle or not places:
+        return starts
+    narrow = starts[np.argmin(starts[:, names.index("width")])].copy()
+    narrow[names.index("width")] *= NARROWER
+    found = []
+    for kink in kinks(parent.ground.world, parent.ground.recording)[:KINKS]:
+        for start in (narrow, starts[0]):
+            row = start.copy()
+            for column, axis in places.items():
+                row[column] = kink.place[axis]
+            found.append(row)
+    return np.concatenate([starts, *[f[None] for f in found]])
 
 
 def _sudden(parent: Fitted, hypothesis: Hypothesis, undisturbed: Point, keep: int) -> list[Start]:

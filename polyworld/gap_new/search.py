@@ -9,8 +9,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap_new.candidate import Candidate
-from polyworld.gap_new.choose import credible, equivalent, score
+from polyworld.estimation.candidate import Candidate
+from polyworld.gap_new.choose import credible, equivalent, score, typical_error
 from polyworld.gap_new.fitting import Fitted, fit
 from polyworld.gap_new.ground import Ground
 from polyworld.gap_new.held_out import Fold, fold_counts, folds_of, predict_left_out
@@ -89,8 +89,9 @@ class Search:
             self.report(f"{depth} effects", {"best": self.pool[0].hypothesis.title})
             trusted = credible(self.pool, self.null)
             nearest = min(trusted, key=lambda f: f.total, default=self.null)
-            if float(nearest.scores.sum()) < settings.nats:
-                return  # at the noise: no further law has anything to gain
+            left = float((nearest.scores - self.share * self.counts * np.log1p(settings.noise_error)).sum())
+            if left < settings.nats or _remains(nearest, self.null) < settings.remainder:
+                return  # no further law has anything to gain, or what is left is less than laws are known to
             known = [f for f in trusted if len(f.hypothesis.parts) == depth]
             least = min((f.total for f in trusted if len(f.hypothesis.parts) < depth), default=np.inf)
             if not known or (known[0].total > least - settings.nats and depth > 1):
@@ -159,6 +160,14 @@ class Search:
         self.pool += list(new)
         self.share = score(self.pool, self.counts)
         self.pool.sort(key=lambda f: f.total)
+
+
+def _remains(fitted: Fitted, null: Fitted) -> float:
+    """Return the share of the base's held-out variance beyond the noise that is left; 1 where much of it is."""
+    after, before = typical_error(fitted), typical_error(null)
+    if after > null.ground.settings.near_noise or before <= 1.0:
+        return 1.0
+    return max(after**2 - 1.0, 0.0) / (before**2 - 1.0)
 
 
 def _expected(hypothesis: Hypothesis) -> bool:

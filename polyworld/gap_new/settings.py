@@ -22,7 +22,10 @@ class GapSettings:
     which a law that bootstraps add decides something. plausible: departures from neutral, in those that physics makes
     ordinary, beyond which a hypothesis is impossible. gravity: relative, and level [rad]: tolerances to which gravity
     and the horizontal are known. alike: squared difference of two predictions over that of an effect below which they
-    are one law: slow forcing stands in for a tilt within 4e-3, and is not.
+    are one law: slow forcing stands in for a tilt within 4e-3, and is not. remainder: share of the variance beyond the
+    noise, near which predictions are, that is no law of its own: laws of resistance hold to some per cent. noise_error:
+    relative, of the noise as differences of a thousand samples give it. excluded: nats by which an impossible
+    hypothesis has to be better for "nothing is missing" to be wrong, three times `nats`.
 
     Search. depth: most laws together. branches: hypotheses of one depth that are extended. starts: of a law with
     places that are fitted. tried: hypotheses of one depth that are fitted to the end. samples: of a run that are
@@ -51,6 +54,9 @@ class GapSettings:
     gravity: float = 0.05
     level: float = 0.05
     alike: float = 2e-3
+    remainder: float = 0.005
+    noise_error: float = 0.02
+    excluded: float = 9.0
     depth: int = 3
     branches: int = 2
     starts: int = 2

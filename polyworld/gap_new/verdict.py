@@ -13,6 +13,7 @@ from scipy.stats import norm, t
 from polyworld.gap_new.choose import choose, credible, distinct, helped_folds, typical_error, winners
 from polyworld.gap_new.fitting import Fitted
 from polyworld.gap_new.held_out import reduced
+from polyworld.gap_new.hypothesis import Part
 
 Array = NDArray[np.float64]
 
@@ -65,20 +66,38 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
         much = typical_error(choice.best) < settings.matters * typical_error(named)
         if named is choice.chosen and len(gains) >= settings.core * len(drawn) and much:
             named = max(gains, key=lambda f: sum(g is f for g in gains))
-    rivals = [f for f in choice.near if _competes(f, named)]
+        named = _without_weak(named, trusted)
+    competitors = [f for f in choice.near if _competes(f, named)]
     if one_course and named is not null:
         enough = max(typical_error(named) / settings.halved, settings.closed * typical_error(null))
         likely = [f for f in trusted if typical_error(f) < enough and len(f.hypothesis.parts) == 1]
         likely = [f for f in likely if all(p.candidate.plain for p in f.hypothesis.parts) and f is not null]
-        rivals += [f for f in likely if _competes(f, named) and not any(f is g for g in rivals)]
+        competitors += [f for f in likely if _competes(f, named) and not any(f is g for g in competitors)]
     stable = float(np.mean([named.hypothesis.names <= f.hypothesis.names for f in drawn]))
     before, after = typical_error(null), typical_error(named)
-    if stable < 1.0 - settings.share and not rivals:
+    if stable < 1.0 - settings.share and not competitors:
         others = {id(f): f for f in drawn if not named.hypothesis.names <= f.hypothesis.names}
-        rivals = sorted(others.values(), key=lambda f: f.total)[:4]
-    kind, reasons = _kind(named, null, rivals)
-    twins = tuple(same.get(id(named), ()))
-    return Verdict(kind, named, tuple(rivals), frequency, stable, before, after, share, reasons, twins)
+        competitors = sorted(others.values(), key=lambda f: f.total)[:4]
+    kind, reasons = _kind(named, null, competitors)
+    alone = [p.candidate.name for p in named.hypothesis.parts if _in_one_run(p, named, trusted, null)]
+    if kind in ("identified", "identified_with_remainder") and alone:
+        kind, reasons = "unexplained", (f"only one run shows {', '.join(alone)}: any sudden push does the same there",)
+    best = min(pool, key=lambda f: f.total)
+    if kind == "nothing_missing" and null.total - best.total > settings.excluded:
+        kind, reasons = "unexplained", (f"{best.hypothesis.title} predicts better, with values that are not plausible",)
+    equivalents = tuple(same.get(id(named), ()))
+    return Verdict(kind, named, tuple(competitors), frequency, stable, before, after, share, reasons, equivalents)
+
+
+def _in_one_run(part: Part, named: Fitted, trusted: Sequence[Fitted], null: Fitted) -> bool:
+    """Return whether a law that acts on all runs at one place shows in a single one."""
+    ground = null.ground
+    runs = ground.recording.runs
+    if part.candidate.group != "structure" or not len(named.errors) == len(runs) >= ground.settings.fewest_runs:
+        return False
+    without = named.hypothesis.key - {(part.candidate.name, part.variant.label)}
+    less = next((f for f in trusted if f.hypothesis.key == without), null)
+    return int(np.sum(named.errors < 0.5 * (1.0 + ground.settings.halved) * less.errors)) == 1
 
 
 def _needed(named: Fitted, trusted: Sequence[Fitted], frequency: dict[str, float]) -> Fitted:
@@ -102,6 +121,13 @@ def _needed(named: Fitted, trusted: Sequence[Fitted], frequency: dict[str, float
     return named
 
 
+def _without_weak(named: Fitted, trusted: Sequence[Fitted]) -> Fitted:
+    """Return the hypothesis without laws whose strengths do not differ from zero, where others remain."""
+    weak = set(not_zero(named)) if len(named.hypothesis.parts) > 1 else set()
+    fewer = [f for f in trusted if weak and f.hypothesis.parts and f.hypothesis.names == named.hypothesis.names - weak]
+    return min(fewer, key=lambda f: f.total, default=named)
+
+
 def _competes(other: Fitted, named: Fitted) -> bool:
     """Return whether a near hypothesis is another answer of about the same simplicity."""
     return (
@@ -117,15 +143,15 @@ def _distinguished(fitted: Fitted) -> frozenset[str]:
     return frozenset(min([p.candidate.name, *p.variant.same_as]) for p in fitted.hypothesis.parts)
 
 
-def _kind(named: Fitted, null: Fitted, rivals: Sequence[Fitted]) -> tuple[Kind, tuple[str, ...]]:
+def _kind(named: Fitted, null: Fitted, competitors: Sequence[Fitted]) -> tuple[Kind, tuple[str, ...]]:
     settings = null.ground.settings
     before, after = typical_error(null), typical_error(named)
     quiet = after < settings.near_noise or after * relative_noise(named) < settings.negligible
     if named is null:
-        if rivals:
+        if competitors:
             return "ambiguous", ()
         return ("nothing_missing", ()) if quiet else ("unexplained", ("no effect predicts what is left",))
-    if rivals:
+    if competitors:
         return "ambiguous", ()
     weak = not_zero(named)
     if weak:

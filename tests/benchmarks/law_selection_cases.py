@@ -31,8 +31,8 @@ NAMES = {
     "restitution_power": "restitution_speed", "wrong_friction": "friction_error", "wrong_length": "length_error",
     "stiffening_spring": "outside",
 }  # fmt: skip
-# Laws that are the same of one coordinate, or of a body that slides on a level plane.
-ALIKE = {"viscous_friction": "linear_drag", "joint_damping": "linear_drag"}
+# Laws that are the same of one coordinate, of a body that slides on a level plane, or of bounces at one angle.
+ALIKE = {"viscous_friction": "linear_drag", "joint_damping": "linear_drag", "friction_error": "bounce_friction"}
 DRAG, LINEAR = "quadratic_drag", "linear_drag"
 # What real sets hold, "" where nothing; several where each answer would do, none where no law of the catalogue would.
 REAL: dict[str, tuple[str, ...]] = {
@@ -86,10 +86,10 @@ def real(name: str) -> Keyed:
 def ball(radius: float, mass: float, rate: float, restitution: float | None) -> World:
     """Return a world of one ball that knows no friction, with a level floor through the origin where it bounces."""
     body = {"name": "ball", "shape": {"kind": "sphere", "radius": radius}, "mass": mass, "position": [0, 0, 1]}
-    bounce = {"restitution": restitution or 0.0, "friction": 0.0}
+    bounce = {"restitution": restitution or 0.0}
     floors = [] if restitution is None else [{"name": "floor", "shape": {"kind": "plane"}} | bounce]
-    fields = {"objects": [body | bounce], "statics": floors, "time": {"seconds_per_frame": 1 / rate}}
-    return World.model_validate(fields)
+    fields = {"objects": [body | bounce | {"friction": 0.0}], "statics": floors}
+    return World.model_validate(fields | {"time": {"seconds_per_frame": 1 / rate}})
 
 
 def one_ball(noise: float, only: Sequence[str]) -> Iterator[Keyed]:

@@ -55,6 +55,10 @@ def _taut(d: Array, length: float) -> float:
     return float(np.linalg.norm(d) > length)
 
 
+def _pulse(t: float) -> float:
+    return (1.0 - np.cos(2.0 * np.pi * (t - 0.3) / 0.5)) / 0.5 if 0.3 < t < 0.8 else 0.0
+
+
 C = np.array([1.0, 0.0, 3.5])  # centre of the spring and its like
 WIND, TURN, PUSH = np.array([-3.0, 0.0, 1.0]), np.array([0.3, 1.0, -0.4]), np.array([1.0, 0.0, 2.0])
 
@@ -71,6 +75,10 @@ LAWS: dict[str, tuple[dict[str, float], Force]] = {
     "central_force": (
         {"centre_x": C[0], "centre_z": C[2], "strength": 0.8, "exponent": -1.5, "softening": 0.05},
         lambda m: (-0.8 * np.hypot(np.linalg.norm(m.x - C), 0.05) ** -2.5 * (m.x - C), NONE),
+    ),
+    "collision_slack": (
+        {"impulse_x": 0.4, "impulse_z": -0.6, "turn_y": 0.002, "time": 0.3, "duration": 0.5},
+        lambda m: (_pulse(m.t) * np.array([0.4, 0.0, -0.6]), _pulse(m.t) * np.array([0.0, 0.002, 0.0])),
     ),
     "coriolis": (
         dict(zip(("rotation_x", "rotation_y", "rotation_z"), TURN, strict=True)),

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from polyworld.data.recording import Recording
-from polyworld.gap_new.adding import by_value, of_path, one_start
-from polyworld.gap_new.candidate import Candidate, Variant
-from polyworld.gap_new.conditions import conditions
+from polyworld.estimation.candidate import Candidate, Variant
+from polyworld.gap.adding import by_value, of_path, one_start
+from polyworld.gap.conditions import conditions
 from polyworld.world import World
 from polyworld.world.parameters import read_parameter
 

@@ -16,11 +16,11 @@ from scipy.spatial.transform import Rotation
 
 from polyworld.data.recording import Recording
 from polyworld.effects.conditions import Conditions
+from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap_new.adding import free_name, of_path, with_parts
-from polyworld.gap_new.candidate import Candidate, Variant
-from polyworld.gap_new.conditions import conditions, reach, tracks
-from polyworld.gap_new.kinks import Kink, kinks
+from polyworld.gap.adding import free_name, of_path, with_parts
+from polyworld.gap.conditions import conditions, reach, tracks
+from polyworld.gap.kinks import Kink, kinks
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.shapes import Plane, Sphere
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
+from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.linkage import is_held
-from polyworld.gap_new.adding import of_path
-from polyworld.gap_new.candidate import Candidate, Variant
+from polyworld.gap.adding import of_path
 from polyworld.world import World
 from polyworld.world.representations.joint import Hinge, Spring
 

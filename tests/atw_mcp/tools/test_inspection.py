@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mcp.server.mcpserver.exceptions import ToolError
 
 from atw_mcp.calls.app import App
+from atw_mcp.cases.origins import SAMPLE
 from atw_mcp.tools import inspection as tools
 from polyworld.edits.interventions import SetParameter, branch
 from polyworld.world import World
 from polyworld.world.parameters import with_parameters
 from tests.atw_mcp.two_discs import RADIUS, SPEED, case_with, two_discs
+
+FRICTIONS = np.array([0.3, 0.28, 0.29, 0.31, 0.32])
 
 
 @pytest.fixture
@@ -27,14 +31,16 @@ def fitted_world(app: App) -> World:
     case, start = app.case("discs"), two_discs()
     found = {"objects.striker.friction": 0.3, "objects.target.friction": 0.3, "objects.target.mass": 2.0}
     child = with_parameters(start, found)
-    common = {"spread": 0.02, "at_bound": False}
+    common = {"from_prior": False, "at_bound": False}
     values = [
-        {"name": "friction", "paths": list(found)[:2], "standard_error": 0.01, **common},
-        {"name": "objects.target.mass", "paths": ["objects.target.mass"], "standard_error": None, **common},
+        {"name": "friction", "paths": list(found)[:2], **common},
+        {"name": "objects.target.mass", "paths": ["objects.target.mass"], **common},
     ]
     undetermined = [{"parameters": ["objects.target.mass"], "reason": "only the ratio of the masses shows"}]
     fit = app.store.fits.put("fit", {"world": start.id}, {"values": values, "undetermined": undetermined})
     app.keep_world(case, child, how="fitted", parent=start, detail={"fit": fit.id})
+    about = {"unknowns": [{"name": "friction", "paths": list(found)[:2], "unit": "1"}]}
+    app.store.fits.put(SAMPLE, {"world": child.id}, about, {"values": FRICTIONS[:, None]})
     return child
 
 
@@ -58,7 +64,9 @@ def test_objects_can_be_chosen(app: App) -> None:
 def test_fitted_value_comes_with_its_error_and_what_shares_it(app: App) -> None:
     fitted_world(app)
     (row,) = tools.read_property(app, "discs", "friction", ["striker"]).data["values"]
-    assert (row["value"], row["known"], row["standard_error"]) == (0.3, "fitted", 0.01)
+    assert (row["value"], row["known"]) == (0.3, "fitted")
+    assert row["standard_error"] == pytest.approx(0.01 * np.sqrt(2.0))  # of 0.28, 0.29, 0.3, 0.31, 0.32
+    assert row["interval80"] == pytest.approx([0.284, 0.316])
     assert row["shared_with"] == ["objects.target.friction"]
 
 

@@ -14,7 +14,7 @@ from atw_mcp.viewer.lineage import provenance
 from atw_mcp.viewer.packing import Blocks, packed
 from evidence_store import Evidence, EvidenceStore
 from tests.atw_mcp.viewer.conftest import Pages
-from tests.atw_mcp.viewer.test_fits import HISTORY, VALUES, fitted
+from tests.atw_mcp.viewer.test_fits import CURVE, VALUES, fitted
 from tests.atw_mcp.viewer.test_lineage import branched, upstream
 
 
@@ -72,5 +72,5 @@ def test_an_answer_lights_what_it_rests_on_and_parameters_have_their_values(tmp_
     friction = page.locator("[data-parameter='ball.friction']")
     assert friction.locator(".value").text_content() == "0.200 ± 0.020"
     assert friction.locator("circle").count() == 64
-    assert float(page.get_attribute("[data-best]", "data-best") or "") == HISTORY[-1]["best"]
+    assert float(page.get_attribute("[data-best]", "data-best") or "") == CURVE["best"][-1]
     assert page.evaluate("document.documentElement.scrollWidth") <= 400

@@ -96,7 +96,5 @@ def test_a_fan_is_never_named_on_flights_with_measured_spins() -> None:
     answers = [report.verdict.best, *report.verdict.competitors]
     assert not any("fan" in f.hypothesis.names for f in answers)
     assert "quadratic_drag" in report.names
-    values = {
-        u.name: x for u, x in zip(report.verdict.best.hypothesis.unknowns, report.verdict.best.values, strict=True)
-    }
-    assert 0.14 < values["coefficient"] / MASS < 0.16
+    drag = next(e for e in effects_of(report.verdict.best) if e["name"] == "quadratic_drag")
+    assert 0.14 < drag["unknowns"]["coefficient"]["value"] / MASS < 0.16
