@@ -43,6 +43,7 @@ Edit = Callable[[list[Unknown]], list[Unknown]]
 STATE = ("position", "velocity", "rotation", "angular_velocity")  # fields of a body at its start
 TINY = 1e-15  # below which a number is rounding
 COSTLY = SamplingSettings(rounds=2, draws=32)  # of worlds with deformable bodies, whose rollouts take seconds
+SKIDS_RARELY = 4.6  # minus twice the logarithm of one in ten: few balls slide and never begin to roll
 WEAK = 12.0  # difference of twice the log-evidence beyond which a way of rolling has less than three in a thousand
 Watch = Callable[[float, str, float], None]
 
@@ -390,7 +391,8 @@ class _Found:
     @property
     def evidence(self) -> float:
         """Minus twice the log-evidence, up to a constant: the minimum, and the volume of the prior that it leaves."""
-        return self.minimum.cost + self.problem.occam(self.minimum)
+        rare = SKIDS_RARELY if self.rolling == "skids" else 0.0
+        return self.minimum.cost + self.problem.occam(self.minimum) + rare
 
     @property
     def kept(self) -> tuple[Rolling, ...]:

@@ -119,7 +119,7 @@ def test_the_interval_of_the_stop_holds_the_law(session: Session) -> None:
     assert rest["true"] == 64
     spread, place = rest["time_90%"], rest["place_90%"]
     assert spread["from"] - 0.04 <= SPEED / (FRICTION * 9.81) <= spread["to"] + 0.04  # sampled every 0.04 s
-    assert place["from"][0] <= stopping_distance(FRICTION, SPEED) <= place["to"][0]
+    assert place["from"][0] - SIGMA <= stopping_distance(FRICTION, SPEED) <= place["to"][0] + SIGMA
 
 
 def test_a_branch_inherits_the_sample_and_its_edits_act_on_every_member(session: Session) -> None:
