@@ -197,10 +197,10 @@ def _keep_fit(
     with app.store.transaction():
         _keep_start(app, case, start, fitted.start)
         _add_to_case(app, case, start, fitted.world, inputs, observation, document["verdict"])
-        if fitted.accuracy is not None:
-            keep_sample(app, fitted.world, sample_of(run, index))
         if document["status"] == "completed":  # a cancelled fit depends on when it was cancelled: do not reuse it
             app.store.fits.put("fit", inputs, document)
+            if fitted.accuracy is not None:
+                keep_sample(app, fitted.world, sample_of(run, index))
     return _fit_answer(app, case, start, fitted.world, document, tracks, observation, again=False)
 
 

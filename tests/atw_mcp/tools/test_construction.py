@@ -211,7 +211,14 @@ def test_a_cancelled_fit_keeps_the_best_found_and_is_not_reused(session: Session
     case = session("OpenCase", data=str(path))["case"]
     session("ImportObservation", case=case, kind="tracks", path=str(path))
     draft = session("BuildWorld", case=case, default_shape=BOX)["source"]["world"]
-    asked = {"case": case, "world": draft, "generations": 2000, "population": 512, "patience_seconds": 0}
+    asked = {
+        "case": case,
+        "world": draft,
+        "method": "cem",
+        "generations": 2000,
+        "population": 512,
+        "patience_seconds": 0,
+    }
 
     async def cancel() -> str:
         async with Client(session.server) as client:  # one connection: a server that loses its client stops its work
