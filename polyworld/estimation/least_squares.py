@@ -183,18 +183,15 @@ class Problem:
                 plans.append((block, (moved - centre)[:, None], touched, colour))
         found = []
         for one, (block, width, touched, colour) in zip(self.evaluate(settings, most), plans, strict=True):
-            groups = None if touched.shape[1] == 1 else block.owned(most, one.end is not None)
-
-            def slopes(values: Array, column: int) -> Array:
-                change = (values[1:] - values[0])[colour] / width  # noqa: B023
-                found: Array = (change if groups is None else change * touched[:, groups[column]]).T  # noqa: B023
-                return found
-
+            ours = ends = None
+            if touched.shape[1] > 1:
+                measured, linked = block.owned(most, one.end is not None)
+                ours, ends = touched[:, measured], touched[:, linked]
             end = None
             if one.end is not None:
-                of_end = slopes(one.end, 1)
+                of_end = _slopes(one.end, colour, width, ends)
                 end = (one.end[0], of_end[:, :s], of_end[:, s:])
-            every = slopes(one.residuals, 0)
+            every = _slopes(one.residuals, colour, width, ours)
             found.append(Linearised(one.residuals[0], every[:, :s], every[:, s:], end))
         return found
 
@@ -337,6 +334,16 @@ class Problem:
                 start, _ = link_start(run[b + 1], run[b], states[b + 1][None])
                 found.append(float(np.sqrt(np.mean((one.end - start) ** 2))))
         return tuple(found)
+
+
+def _slopes(values: Array, colour: Ints, width: Array, moved: Flags | None) -> Array:
+    """Return slopes (m, K) of values (1 + colours, m) by coordinates that were moved together by colour.
+
+    width (K, 1): of the moves. moved (K, m): which values a coordinate can move; None where it may move all.
+    """
+    change = (values[1:] - values[0])[colour] / width
+    found: Array = (change if moved is None else change * moved).T
+    return found
 
 
 def _coloured(touched: Flags) -> Ints:
