@@ -76,7 +76,7 @@ FLOORS = {
         ("data",),
         ("screening",),
         ("estimation",),
-        ("gap", "gap_new"),
+        ("gap",),
         ("pictures",),
         ("materials",),
     ),

@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from polyworld.data.recording_csv import read_recording
 from polyworld.data.recording_header import RecordingForm
-from polyworld.estimation.design import design
+from polyworld.estimation.run_noise import run_noise
+from polyworld.estimation.run_readout import RunReadout
+from polyworld.estimation.states import state_coordinates
 from tests.real_data import CUBE_UNIT, FOLDER, ball_drop, clevrer, cube_toss, needs, pendulum
 
 
@@ -28,7 +30,8 @@ def test_dropped_balls_fall_from_the_first_row_on_and_only_heights_are_known() -
     golf = world.object("golf_ball")
     assert golf.mass is not None
     assert 0.0450 < golf.mass < 0.0463  # the rules allow up to 45.93 g
-    assert design(world, recording).length == sum(len(r.times) for r in recording.runs)
+    for run, noise in zip(recording.runs, run_noise(recording.runs), strict=True):
+        assert RunReadout(world, run, noise).size == len(run.times)
 
 
 @needs("pendulum")
@@ -53,9 +56,8 @@ def test_the_pendulum_begins_as_a_mathematical_pendulum_of_its_length_does() -> 
     )
     assert np.abs(solution.y[0] - angle[start:end]).max() < 0.2
     assert np.allclose(bob.position, np.nan_to_num(place[0]))
-    (state,) = design(world, recording).runs[0].states
-    assert state.kind == "jointed"
-
+    (state,) = state_coordinates(world, run)
+    assert state.labels == ("bob.angle", "bob.rate")
     assert np.isfinite(state.start).all()  # although y was not measured
 
 
@@ -101,4 +103,4 @@ def test_annotated_velocities_fit_the_time_of_0_028_s_a_frame() -> None:
         column = run.names.index(item.name)
         speed = (run.positions[2, column, :2] - run.positions[0, column, :2]) / (2 * 0.028)
         assert np.allclose(speed, item.velocity[:2], atol=0.05 * np.linalg.norm(item.velocity))
-    assert design(world, recording).runs[0].count > 0
+    assert any(state.count for state in state_coordinates(world, run))

@@ -42,7 +42,7 @@ def add_parser(commands: Any) -> None:
         "--effects", metavar="NAME,NAME", help="consider these effects only (default: the whole catalogue)"
     )
     gap.add_argument("--max-effects", type=int, default=3, choices=(1, 2, 3), help="default: %(default)s")
-    gap.add_argument("--seed", type=int, default=0, help="of the null control (default: %(default)s)")
+    gap.add_argument("--seed", type=int, default=0, help="of the bootstrap over runs (default: %(default)s)")
     gap.add_argument(
         "--time-limit", type=float, metavar="SECONDS", help="end the search by then with the best verdict so far"
     )
@@ -70,15 +70,15 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from atw_mcp.gap import work as gap_work
     from atw_mcp.gap.unknowns import unknowns_at
-    from atw_mcp.gap.words import verdict_text
+    from atw_mcp.gap.words import sealed_text, verdict_text
+    from atw_mcp.gap.work import pictures_of, result_of
     from atw_mcp.gap.world_from_options import world_of
     from atw_mcp.observation.recording_options import read_with_remarks, recording_form
     from polyworld.gap import GapSettings, find_gap
     from polyworld.gap.catalogue import named
-    from polyworld.gap.held_out import Split, hold_out
-    from polyworld.gap.settings import SearchSettings
+    from polyworld.gap.sealing import Split, hold_out
+    from polyworld.screening import screen
 
     wanted = named(options.effects.split(",")) if options.effects else None
     world, form = world_of(options), recording_form(options)
@@ -88,6 +88,9 @@ def _run(options: argparse.Namespace) -> int:
     else:
         chosen = None if options.seal is None else [] if options.seal == "none" else options.seal.split(",")
         parts = hold_out(recording, chosen)
+    screening = screen(world, parts.fitted)
+    if screening.refused and not options.units:
+        raise ValueError(" ".join(f.message for f in screening.findings if f.severity == "refuse"))
     report = find_gap(
         world,
         parts.fitted,
@@ -95,59 +98,15 @@ def _run(options: argparse.Namespace) -> int:
         held_out_world=parts.held_out_world,
         base=unknowns_at(world, options.fit),
         candidates=wanted,
-        settings=GapSettings(
-            search=SearchSettings(max_effects=options.max_effects),
-            time_limit=options.time_limit,
-            refuse=not options.units,
-            seed=options.seed,
-        ),
-        progress=_Steps(),
+        settings=GapSettings(depth=options.max_effects, time_limit=options.time_limit, seed=options.seed),
+        progress=lambda share, step: print(f"  {100 * share:3.0f} % {step}", file=sys.stderr),
     )
-    summary = report.to_dict()
-    summary["sealed_data"] = parts.summary
-    if options.out is not None and summary["world"] is not None:
-        options.out.write_text(json.dumps(summary["world"], indent=2) + "\n")
+    result = result_of(report, world) | {"sealed_data": parts.summary}
+    if options.out is not None and report.names:
+        options.out.write_text(json.dumps(result["world"], indent=2) + "\n")
     if options.pictures is not None:
         options.pictures.mkdir(parents=True, exist_ok=True)
-        for name, content in gap_work.pictures_of(report).items():
+        for name, content in pictures_of(report).items():
             (options.pictures / name).write_bytes(content)
-    if options.json:
-        print(json.dumps(summary, indent=2))
-        return OK
-    print(verdict_text(summary))
-    print(_sealed(summary))
-    if summary["null_control"] is not None:
-        print(_null_control(summary))
+    print(json.dumps(result, indent=2) if options.json else f"{verdict_text(result)}\n{sealed_text(result)}")
     return OK
-
-
-class _Steps:
-    """Writes each step of the search to the terminal, once however often it is repeated."""
-
-    def __init__(self) -> None:
-        self._last = ""
-
-    def __call__(self, share: float, step: str) -> None:
-        if step != self._last:
-            print(f"  {100 * share:3.0f} % {step}", file=sys.stderr)
-        self._last = step
-
-
-def _sealed(summary: dict[str, Any]) -> str:
-    if summary["sealed"] is None:
-        return summary["sealed_data"] if summary["verdict"] != "nothing_missing" else "no effect added"
-    gap = summary["sealed"]
-    closed = "" if gap["closed"] is None else f", {100 * gap['closed']:.0f}% closed"
-    return (
-        f"{summary['sealed_data']}: gap {gap['gap_before']:.4g} {gap['unit']} before, {gap['gap_after']:.4g} after"
-        f"{closed}; noise {gap['noise_floor']:.4g} {gap['unit']}"
-    )
-
-
-def _null_control(summary: dict[str, Any]) -> str:
-    null = summary["null_control"]
-    text = f"null control: {null['verdict']} in data made from the base world, with its noise"
-    if null["chi2_after"] is None:
-        return text
-    gained = null["chi2_before"] - null["chi2_after"]
-    return f"{text}; the effect named takes {gained:.3g} off a chi2 of {null['chi2_before']:.4g} there"

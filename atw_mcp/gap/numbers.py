@@ -1,24 +1,24 @@
-"""Numbers behind the pictures of a gap: residuals of every run and object, and jumps between segments.
+"""Numbers behind the pictures of a gap: residuals of every run and object, and sudden changes of velocity.
 
 They are kept in the record that keeps the outcome, not in the evidence, which only names that record.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.fit_context import FittedHypothesis
-from polyworld.gap.comparison import Compared, compared
-from polyworld.gap.held_out import Split
-from polyworld.gap.segment_jumps import SegmentJump
+from polyworld.data.recording import Recording
+from polyworld.gap.comparison import Compared
+from polyworld.gap.kinks import kinks
+from polyworld.gap.sealing import Split
+from polyworld.world import World
 
 Array = NDArray[np.float64]
-Clocks = Mapping[str, tuple[str, float]]
 
 COLUMNS = ("times", "observed", "before", "residual_before", "after", "residual_after")
 
@@ -46,11 +46,29 @@ class Residuals:
 
 
 @dataclass(frozen=True)
+class Jump:
+    """A sudden change (3,) [m/s] of an object's velocity that nothing known explains, its time [s] since the start of
+    the run, place (3,) [m], and the standard deviation [m/s] of the change."""
+
+    run: str
+    name: str
+    time: float
+    place: Array
+    change: Array
+    sigma: float
+
+    @property
+    def size(self) -> float:
+        """Size of the change [m/s]."""
+        return float(np.linalg.norm(np.nan_to_num(self.change)))
+
+
+@dataclass(frozen=True)
 class GapNumbers:
-    """Residuals, and jumps with times since their run's start; jumps are None where none were computed."""
+    """Residuals, and jumps, which are None where none were looked for."""
 
     residuals: tuple[Residuals, ...]
-    jumps: tuple[SegmentJump, ...] | None = None
+    jumps: tuple[Jump, ...] | None = None
 
     def to_record(self) -> tuple[dict[str, Any], dict[str, NDArray[np.float32]]]:
         """Return the JSON part and the arrays, those of all series end to end."""
@@ -82,73 +100,50 @@ class GapNumbers:
             return cls(residuals)
         rows = arrays["jumps"].astype(float) if document["jumps"] else ()
         jumps = tuple(
-            SegmentJump(run, name, float(row[0]), row[1:4], row[4:7], float(row[7]))
+            Jump(run, name, float(row[0]), row[1:4], row[4:7], float(row[7]))
             for (run, name), row in zip(document["jumps"], rows, strict=True)
         )
         return cls(residuals, jumps)
 
 
-def clocks_of(parts: Split) -> dict[str, tuple[str, float]]:
-    """Return the whole run that each run of the data belongs to, and what its clock [s] reads at the run's start."""
-    found = {run.name: (run.name, run.origin) for run in parts.fitted.runs}
-    for run in () if parts.held_out is None else parts.held_out.runs:
-        # The later part of the only run goes by the clock of the whole.
-        found[run.name] = found[parts.fitted.runs[0].name] if parts.into else (run.name, run.origin)
-    return found
-
-
-def compared_trial(trial: FittedHypothesis) -> tuple[Compared, ...]:
-    """Compare what a fitted hypothesis makes of its data with them."""
-    return compared(trial.context.forward(trial.hypothesis), trial.context.noise, trial.fit)
-
-
 def residuals_of(
-    trial: FittedHypothesis,
-    before: Sequence[Compared],
-    after: Sequence[Compared] | None,
-    clocks: Clocks,
-    *,
-    held_out: bool = False,
+    before: Sequence[Compared], after: Sequence[Compared] | None = None, sealed: Split | None = None
 ) -> tuple[Residuals, ...]:
-    """Return the residuals of runs compared without an effect and with it; before is that of the trial."""
-    runs = {own.run.name: own.run for own in trial.context.design.runs}
-    others = {(item.run, item.name): item for item in after or ()}
+    """Return the residuals of runs compared without an effect and, where one was fitted, with it.
+
+    sealed: the split whose held-out data these are; the later part of the only run goes by the clock of the whole.
+    """
+    late = sealed.into if sealed is not None else 0.0
+    others: Sequence[Compared | None] = after or [None] * len(before)
     found = []
-    for item in before:
-        own = runs[item.run]
-        run, origin = clocks[own.part_of or own.name]
+    for item, other in zip(before, others, strict=True):
+        run = sealed.fitted.runs[0].name if sealed is not None and late else item.run
         nothing = np.full(item.observed.shape, np.nan)
-        other = others.get((item.run, item.name))
-        if other is not None and other.times.shape != item.times.shape:
-            other = None  # fitted to other parts of the run
-        times = item.times + (own.origin - origin)
-        after_residual, after_simulated = (nothing, nothing) if other is None else (other.residual, other.simulated)
-        found.append(
-            Residuals(
-                run,
-                item.name,
-                "position",
-                held_out,
-                times,
-                item.observed,
-                item.simulated,
-                item.residual,
-                after_simulated,
-                after_residual,
-            )
-        )
-        for kind, residual in item.turning.items():
-            turned = nothing if other is None else other.turning.get(kind, nothing)
-            found.append(
-                Residuals(run, item.name, kind, held_out, times, item.observed, nothing, residual, nothing, turned)
-            )
+        beside = {} if other is None else {"position": other.residual, **other.turning}
+        for kind, residual in {"position": item.residual, **item.turning}.items():
+            one, two = nothing, nothing
+            if kind == "position":
+                one, two = item.simulated, nothing if other is None else other.simulated
+            values = (item.observed, one, residual, two, beside.get(kind, nothing))
+            found.append(Residuals(run, item.name, kind, sealed is not None, item.times + late, *values))
     return tuple(found)
 
 
-def since_start(jumps: Iterable[SegmentJump] | None, clocks: Clocks) -> tuple[SegmentJump, ...] | None:
-    """Return jumps with times since the start of their runs."""
-    if jumps is None:
-        return None
+def jumps_of(world: World, recording: Recording) -> tuple[Jump, ...]:
+    """Return the sudden changes of velocity in a recording that nothing in the world explains, the largest first."""
+    runs = recording.runs
     return tuple(
-        SegmentJump(clocks[j.run][0], j.name, j.time - clocks[j.run][1], j.place, j.change, j.sigma) for j in jumps
+        Jump(runs[k.run].name, k.name, k.time - runs[k.run].origin, k.place, k.jump, k.sigma)
+        for k in kinks(world, recording)
     )
+
+
+def worst_series(residuals: Sequence[Residuals]) -> list[dict[str, Any]]:
+    """Return the root mean square residual of every series in standard deviations of the noise, the largest first."""
+    found = [
+        {"run": s.run, "name": s.name, "kind": s.kind, "axis": "xyz"[a], "error": float(np.sqrt(np.nanmean(r**2)))}
+        for s in residuals
+        for a, r in enumerate(s.residual_before.T)
+        if np.isfinite(r).any()
+    ]
+    return sorted(found, key=lambda item: -float(item["error"]))

@@ -6,40 +6,32 @@ import math
 
 from atw_mcp.calls.error_curve import SIGMA, ErrorCurve, in_words
 from atw_mcp.calls.jobs import Progress
-from polyworld.estimation.fit_context import FittedHypothesis
+from polyworld.gap.fitting import Fitted
 
 
 class GapProgress:
-    """Reports steps and fits of one piece of work, and keeps the curve of their errors.
+    """Reports steps and fits of one piece of work, and keeps the curve of their held-out errors.
 
-    The error of a fit is the root mean square of its whitened residuals, in standard deviations of the noise: 1 where
-    only noise is left.
+    Errors are in standard deviations of the noise: 1 where only noise is left.
     """
 
     def __init__(self, progress: Progress) -> None:
-        self._progress, self._share, self._step, self._batches = progress, 0.0, "", 0
-        self._last, self._best = "", math.inf
+        self._progress, self._share, self._step, self._last, self._best = progress, 0.0, "", "", math.inf
         self.curve = progress.curve = ErrorCurve("fit", SIGMA)
 
     def report(self, share: float, step: str) -> None:
         """Report that a step begins or, in a search, is done; raises Cancelled where the work should stop."""
         self._share, self._step = share, step
-        self._progress.report(share, 1.0, self._in_words())
+        self._progress.report(share, 1.0, step + self._last)
 
-    def fitted(self, trial: FittedHypothesis) -> None:
-        """Report a fit of a hypothesis."""
-        error = math.sqrt(trial.chi2 / trial.context.observations) if math.isfinite(trial.chi2) else math.nan
-        if error < self._best:
-            self._best = error
-        self.curve.add(error, self._best if math.isfinite(self._best) else math.nan)
-        self._last = f": {trial.hypothesis.title}, error {in_words(error, SIGMA)}, best {in_words(self._best, SIGMA)}"
-        self._progress.note(self._share, 1.0, self._in_words())
+    def fitted(self, one: Fitted) -> None:
+        """Report a hypothesis that was fitted."""
+        self._best = min(self._best, one.error)
+        self.curve.add(one.error, self._best)
+        errors = f"error {in_words(one.error, SIGMA)}, best {in_words(self._best, SIGMA)}"
+        self._last = f": {one.hypothesis.title}, {errors}; {self.curve.count} fits"
+        self._progress.note(self._share, 1.0, self._step + self._last)
 
     def cancelled(self) -> bool:
-        """Return whether to stop; asked before each batch, which is reported too: a fit may take many seconds."""
-        self._batches += 1
-        self._progress.note(self._share, 1.0, self._in_words())
+        """Return whether to stop."""
         return self._progress.cancelled()
-
-    def _in_words(self) -> str:
-        return f"{self._step}{self._last}; {self._batches} batches of simulations"

@@ -4,132 +4,116 @@ from __future__ import annotations
 
 from typing import Any
 
-PLAIN = 3  # plain laws in a sentence
-OF_RUNS = 6  # numbers of single runs from which on their spread is given instead
-SHOWN = 4  # most names of a credible set, or pairs of it, in a sentence
+MOST = 3  # plain laws, or sudden changes, in a summary
 SAME_MOTION = 1.0  # standard deviations between forecasts below which they are indistinguishable
+NOISE = "standard deviations of the noise"
+KINDS = {
+    "identified": "identified",
+    "identified_with_remainder": "identified, with a remainder that nothing explains",
+    "ambiguous": "ambiguous: these predict data left out about equally well",
+    "unexplained": "unexplained: no effect may be named",
+    "nothing_missing": "nothing missing",
+}
 
 
-def verdict_text(report: dict[str, Any]) -> str:
-    """Return a verdict (`GapReport.to_dict`) in a few sentences, with what the recording cannot show."""
-    parts = [_verdict(report)]
-    if report["time_limit"] is not None:
-        parts.append(f"The search ended after {_number(report['time_limit'])} s with the best answer so far")
-    if report["checks"]:
-        parts.append(f"Lowered by: {'; '.join(c['found'] for c in report['checks'])}")
-    if report["set_aside"]:
-        parts.append(f"Set aside, fitted by nothing: {'; '.join(o['summary'] for o in report['set_aside'])}")
-    if report["plain_laws"] and report["verdict"] != "nothing_missing":
-        parts.append(f"Plain laws by themselves: {_plain_laws(report['plain_laws'])}")
-    if report["remainder"] is not None:
-        parts.append(report["remainder"]["summary"].rstrip("."))
-    return ". CAUTION: ".join((". ".join(parts), *(c.rstrip(".") for c in report["cautions"])))
+def discrepancy_text(data: dict[str, Any]) -> str:
+    """Return what `work.examine` found, in a few sentences."""
+    head = "explained: nothing is missing" if data["explained"] else "not explained: something is missing"
+    parts = [
+        f"{head}. Data left out of the fit are predicted to {_number(data['error'])} {NOISE}",
+        f"Residuals beyond the noise are {_number(data['gap'])} {data['unit']}, the noise {_number(data['noise'])} "
+        f"{data['unit']}",
+        data["where"]["summary"].rstrip("."),
+    ]
+    if data["kinks"]:
+        parts.append(f"Sudden changes of velocity that nothing known explains: {'; '.join(kink_texts(data))}")
+    return ". ".join(parts) + "."
 
 
-def _plain_laws(laws: list[dict[str, Any]]) -> str:
-    """List the plain laws that come nearest, each fitted alone."""
-    listed = []
-    for law in laws[:PLAIN]:
-        name = f"{law['name']} ({law['label']})" if law["label"] else law["name"]
-        values = ", ".join(f"{k} {_number(v)}" for k, v in law["values"].items())
-        behind = law["ebic_behind"]
-        place = (
-            "the best" if abs(behind) < 0.05 else f"EBIC {_number(abs(behind))} {'behind' if behind > 0 else 'ahead'}"
-        )
-        listed.append(f"{name}: {values}, {place}")
-    return "; ".join(listed)
+def kink_texts(data: dict[str, Any]) -> list[str]:
+    """Return the largest sudden changes of velocity, each in words."""
+    return [
+        f"{kink['name']} in run {kink['run']} at {_number(kink['time'])} s by {_number(kink['change'])} m/s, "
+        f"{_number(kink['sigmas'])} standard deviations"
+        for kink in data["kinks"][:MOST]
+    ]
 
 
-def _verdict(report: dict[str, Any]) -> str:
-    kind = report["verdict"]
-    if kind == "nothing_missing":
-        text = "nothing missing: the world explains the data to the noise"
-        if report["near_misses"]:
-            near = ", ".join(" + ".join(item["effects"]) for item in report["near_misses"][:SHOWN])
-            text += f" (effects that would lower the misfit a little, not beyond chance: {near})"
-        return text
-    named = " + ".join(effect_text(effect) for effect in report["effects"])
-    if kind == "identified":
-        text = f"identified: {named}"
-        if report["other_forms"]:
-            text += f"; the data allow as well: {'; '.join(report['other_forms'][:SHOWN])}"
-        if report["runner_up"] is not None:
-            other = report["runner_up"]
-            text += f"; next best {' + '.join(other['effects'])}, EBIC {_number(other['ebic_behind'])} behind"
-            text += "" if other["passes"] else ", does not explain the data"
-        return text
-    if kind == "identified_with_remainder":
-        stability = report["stability"]
-        text = f"identified_with_remainder: {named}"
-        if stability is not None:
-            own = {e["name"] for e in report["effects"]}
-            least = min((v for k, v in stability["chosen_in"].items() if k in own), default=0.0)
-            text += (
-                f"; chosen in {100 * least:.0f}% of the subsets of runs, "
-                f"EBIC {_number(stability['ebic_ahead'])} ahead "
-                "of no effect with model error admitted; intervals are widened for what remains"
-            )
-        return text
-    if kind == "ambiguous" and len(report["credible_set"]) < 2:
-        return f"ambiguous: {named}, but the program's own checks contradict it"
+def verdict_text(result: dict[str, Any]) -> str:
+    """Return a verdict (`work.result_of`) in a few sentences, with what the recording cannot show."""
+    kind, named = result["verdict"], effects_text(result["effects"]) or "nothing missing"
+    before, after = _number(result["error"]["before"]), _number(result["error"]["after"])
+    head = KINDS[kind]
     if kind == "ambiguous":
-        names = [" + ".join(item) for item in report["credible_set"]]
-        listed = "; ".join(names[:SHOWN]) + ("" if len(names) <= SHOWN else f"; and {len(names) - SHOWN} more")
-        return f"ambiguous: any of {listed}; best {named}. {experiment_text(report['experiment'])}"
-    if not named and any(c["check"] == "held_out_remainder" for c in report["checks"]):
-        return "unexplained: the world as it is explains the data fitted to the noise, but not the sealed data"
-    if not named and report["time_limit"] is not None:
-        return "unexplained: the time ran out before any effect was fitted"
-    text = "unexplained: no effect of the catalogue leaves only noise"
-    if named:
-        text += f" (nearest: {named})"
-    if report["stability"] is not None and report["stability"]["reasons"]:
-        text += f"; none is named although model error was admitted: {'; '.join(report['stability']['reasons'])}"
-    force = report["residual_force"]
-    return text + (f". {force['summary']}" if force else "")
+        titles = [result["title"], *(" + ".join(c["effects"]) or "nothing missing" for c in result["competitors"])]
+        head = f"{head}: {'; '.join(dict.fromkeys(titles))}. Nearest: {named}"
+    elif kind == "unexplained":
+        head = f"{head}{f'; nearest: {named}' if result['effects'] else ''}"
+    elif kind != "nothing_missing":
+        head = f"{head}: {named}"
+    parts = [head]
+    if result["reasons"]:
+        parts.append(f"Why: {'; '.join(result['reasons'])}")
+    without = f"{before} {NOISE} without an effect, {after} with it" if result["effects"] else f"{after} {NOISE}"
+    parts.append(f"Error of predicting data left out: {without}")
+    if result["frequencies"]:
+        often = sorted(result["frequencies"].items(), key=lambda item: -item[1])
+        parts.append(f"Chosen in bootstraps over runs: {', '.join(f'{n} {100 * s:.0f}%' for n, s in often)}")
+    if result["equivalent"]:
+        same = "; ".join(" + ".join(e["effects"]) for e in result["equivalent"])
+        parts.append(f"In these runs the same motion follows from {same}")
+    if kind == "ambiguous":
+        parts.append(experiment_text(result["experiment"]))
+    elif result["runner_up"] is not None and result["effects"]:
+        parts.append(f"Next best: {law_text(result['runner_up'])}")
+    if result["residual_force"] is not None:
+        parts.append(result["residual_force"]["summary"].rstrip("."))
+    if result["time_limit"] is not None:
+        parts.append(f"The search ended after {_number(result['time_limit'])} s with the best answer so far")
+    if result["set_aside"]:
+        parts.append(f"Fitted by nothing: {'; '.join(o['summary'] for o in result['set_aside'])}")
+    if result["plain_laws"] and kind != "nothing_missing":
+        listed = "; ".join(law_text(law) for law in result["plain_laws"][:MOST])
+        parts.append(f"Plain laws alone and in pairs: {listed}")
+    return ". CAUTION: ".join((". ".join(parts), *(c.rstrip(".") for c in result["cautions"])))
 
 
-def effect_text(effect: dict[str, Any]) -> str:
-    """Return an effect with its fitted numbers: "quadratic_drag (drag 0.0301 kg/m, 95% 0.0297 to 0.0305)"."""
-    numbers = []
-    unknowns = effect["unknowns"]
-    of_runs = {name: value for name, value in unknowns.items() if " in " in name}
-    if len(of_runs) > OF_RUNS:
-        unknowns = {name: value for name, value in unknowns.items() if name not in of_runs}
-        numbers.append(_spread(of_runs))
-    for name, value in unknowns.items():
-        unit = "" if value["unit"] in ("1", "") else f" {value['unit']}"
-        text = f"{name} {_number(value['value'])}{unit}"
-        if value["interval95"] is not None:
-            low, high = value["interval95"]
-            text += f", 95% {_number(low)} to {_number(high)}"
-        numbers.append(text)
-    head = f"{effect['name']} {effect['label']}".strip()
-    same = f"; indistinguishable from {', '.join(effect['same_as'])}" if effect["same_as"] else ""
-    return f"{head} ({'; '.join(numbers)}{same})"
+def law_text(law: dict[str, Any]) -> str:
+    """Return a hypothesis with its values, what it leaves and how far behind the best it is."""
+    behind = law["behind"]
+    place = "not compared" if behind is None else f"{_number(abs(behind))} nats {'behind' if behind > 0 else 'ahead'}"
+    text = f"{effects_text(law['effects'], intervals=False)}, error {_number(law['error'])}"
+    return text if behind == 0.0 else f"{text}, {place}"
 
 
-def _spread(of_runs: dict[str, dict[str, Any]]) -> str:
-    """Summarize numbers that every run has of its own: their count, unit and spread in one line."""
-    groups: dict[str, list[float]] = {}
-    for name, value in of_runs.items():
-        groups.setdefault(name.split(" in ")[0], []).append(float(value["value"]))
-    unit = next(iter(of_runs.values()))["unit"]
-    spread = ", ".join(f"{name} {_number(min(v))} to {_number(max(v))}" for name, v in groups.items())
-    return f"one of its own in each of {len(next(iter(groups.values())))} runs: {spread} {unit}"
+def effects_text(effects: list[dict[str, Any]], *, intervals: bool = True) -> str:
+    """Return effects with their numbers: "quadratic_drag (drag 0.0301 kg/m, 95% 0.0297 to 0.0305)"."""
+    found = []
+    for effect in effects:
+        numbers = []
+        for name, value in effect["unknowns"].items():
+            unit = "" if value["unit"] in ("1", "") else f" {value['unit']}"
+            ends = " to ".join("unbounded" if end is None else _number(end) for end in value["interval95"])
+            spread = f", 95% {ends}" if intervals else ""
+            numbers.append(f"{name} {_number(value['value'])}{unit}{spread}")
+        if intervals and effect["same_as"]:
+            numbers.append(f"indistinguishable from {', '.join(effect['same_as'])}")
+        head = f"{effect['name']} {effect['label']}".strip()
+        found.append(f"{head} ({'; '.join(numbers)})" if numbers else head)
+    return " + ".join(found)
 
 
 def experiment_text(experiment: dict[str, Any] | None) -> str:
     """Describe the experiment that would decide, in a sentence."""
     if experiment is None:
         return "No experiment with these objects was found to distinguish them"
-    place = ", ".join(_number(v) for v in experiment["position"])
-    speed = ", ".join(_number(v) for v in experiment["velocity"])
-    spin = ", ".join(_number(v) for v in experiment["angular_velocity"])
+    place, speed, spin = (
+        ", ".join(_number(v) for v in experiment[key]) for key in ("position", "velocity", "angular_velocity")
+    )
     least = min(item["sigmas"] for item in experiment["separations"])
     if least < SAME_MOTION:
         alike = [x for x in experiment["separations"] if x["sigmas"] < SAME_MOTION]
-        pairs = "; ".join(f"{' + '.join(x['first'])} from {' + '.join(x['second'])}" for x in alike[:SHOWN])
+        pairs = "; ".join(f"{' + '.join(x['first'])} from {' + '.join(x['second'])}" for x in alike)
         return f"No start of one object was found to distinguish {pairs}: they move these objects in the same way"
     head = "To decide" if experiment["decides"] else "The best experiment found, which may not decide"
     expected = "; ".join(f"{_number(value)} if {name}" for name, value in experiment["forecasts"].items())
@@ -142,19 +126,26 @@ def experiment_text(experiment: dict[str, Any] | None) -> str:
 
 def worth_text(data: dict[str, Any]) -> str:
     """Return what an added effect is worth, on fitted and sealed data, in a sentence."""
-    text = f"gap on the data fitted {_gap_text(data['fitted_data'])}"
+    text = f"gap on the data fitted {gap_text(data['fitted_data'])}"
     if data["sealed"] is None:
         return text + "; no data were sealed to check it on"
-    return text + f"; on sealed data {_gap_text(data['sealed'])}"
+    return text + f"; on sealed data {gap_text(data['sealed'])}"
 
 
-def _gap_text(gap: dict[str, Any]) -> str:
-    closed = "" if gap["closed"] is None else f" ({100 * gap['closed']:.0f}% closed)"
-    unit = gap["unit"]
-    return (
-        f"{_number(gap['gap_before'])} {unit} before, {_number(gap['gap_after'])} {unit} after{closed}, noise "
-        f"{_number(gap['noise_floor'])} {unit}"
-    )
+def sealed_text(result: dict[str, Any]) -> str:
+    """Return what a verdict is worth on sealed data, in a sentence."""
+    gap = result["sealed"]
+    if gap is None:
+        return str(result["sealed_data"])
+    worth = f"gap {gap_text(gap)}" if result["effects"] else f"predicted to {_number(gap['before'])} {NOISE}"
+    return f"{result['sealed_data']}: {worth}"
+
+
+def gap_text(gap: dict[str, Any]) -> str:
+    """Return a gap before and after beside the noise."""
+    closed = "" if gap["closed"] is None else f", {100 * gap['closed']:.0f}% closed"
+    before, after, floor = (_number(gap[key]) for key in ("gap_before", "gap_after", "noise_floor"))
+    return f"{before} {gap['unit']} before, {after} after{closed}; noise {floor} {gap['unit']}"
 
 
 def _number(value: float | None) -> str:

@@ -9,10 +9,10 @@ from pydantic import Field
 from atw_mcp.results.base import Result
 from atw_mcp.results.values import Vector
 
-Axis = Literal["x", "y", "z"]
-Quantity = Literal["position", "rotation", "spin"]
 Verdict = Literal["identified", "identified_with_remainder", "ambiguous", "unexplained", "nothing_missing"]
 Interval95 = Annotated[list[float | None], Field(min_length=2, max_length=2)]
+ERROR = "of predicting data left out, in standard deviations of the noise: near 1 where only noise is left"
+BEHIND = "nats of evidence below the best: 3 are 20 to 1; null where it diverges"
 
 
 class GapAnswer(Result):
@@ -21,26 +21,6 @@ class GapAnswer(Result):
     recording: str = Field(description="id of the observation")
     sealed_data: str = Field(description="which data are sealed, and why")
     next: str = Field(description="call to make next")
-
-
-class Rhythm(Result):
-    """An oscillation in the residuals."""
-
-    frequency: float = Field(description="[Hz]")
-    p: float = Field(description="probability of one as strong in noise")
-    run: str
-    name: str = Field(description="object")
-    kind: Quantity
-    axis: Axis
-
-
-class GoodnessOfFit(Result):
-    """Whether the fit leaves only noise."""
-
-    passes: bool
-    p: float | None = Field(description="probability of such residuals in noise; null where too few data can judge")
-    ratio_to_noise: float | None = Field(description="of smooth residuals; null where too few data can judge")
-    rhythm: Rhythm | None = Field(default=None, description="left out where there is none")
 
 
 class Onset(Result):
@@ -63,15 +43,18 @@ class BaseValue(Result):
 class FoundDiscrepancy(GapAnswer):
     """Data of FindDiscrepancy."""
 
-    explained: bool = Field(description="whether only noise is left")
-    goodness: GoodnessOfFit
+    explained: bool = Field(description="whether nothing is missing that these data could show")
+    error: float | None = Field(description=f"{ERROR}; null where it diverges")
+    gap: float | None = Field(description="root mean square residual beyond the noise, in `unit`")
+    noise: float = Field(description="measured before any fit, root mean square, in `unit`")
+    unit: str
     worst: list[str] = Field(description="series that fit worst")
-    noise: str = Field(description="its level, correlation and outliers")
     share_of_gap: dict[str, dict[str, float]] = Field(
         description="share of the excess over noise by run, object, time, phase, region, speed, axis; empty where the "
         "data are explained"
     )
     onsets: list[Onset] = Field(description="earliest first")
+    kinks: list[str] = Field(description="sudden changes of velocity that nothing known explains, the largest first")
     base: list[BaseValue]
     cautions: list[str] | None = Field(default=None, description="what these data leave open; left out where nothing")
     could_have_been_missed: list[str] | None = Field(default=None, description="with power=true: effects")
@@ -85,9 +68,7 @@ class EffectNumber(Result):
 
     value: float = Field(description="in its unit")
     unit: str = Field(description="1 where it has none")
-    interval95: Interval95 | None = Field(
-        default=None, description="left out where it was not computed; an end is null where it is unbounded"
-    )
+    interval95: Interval95 = Field(description="an end is null where it is unbounded")
 
 
 class ProposedEffect(Result):
@@ -107,55 +88,17 @@ class ProposedHypothesis(Result):
 
     hypothesis: int = Field(description="its number, for AddEffect")
     title: str
-    explains: bool = Field(description="whether only noise is left")
-    ebic_behind: float | None = Field(description="extended BIC above that of the best; null where it diverges")
+    explains: bool = Field(description="whether nothing is left that these data could show")
+    behind: float | None = Field(description=BEHIND)
+    error: float | None = Field(description=f"{ERROR}; null where it diverges")
     effects: list[ProposedEffect]
 
 
-class RunnerUp(Result):
-    """The best hypothesis of another name."""
+class HeldOutError(Result):
+    """Errors of predicting data left out, in standard deviations of the noise."""
 
-    effects: list[str]
-    ebic_behind: float | None = Field(description="extended BIC above that of the best; null where it diverges")
-    held_out_behind: float | None = Field(description="mean chi2 lost on data left out; null where it diverges")
-    held_out_error: float | None = Field(description="its standard error; null where it is unknown")
-    passes: bool = Field(description="whether it leaves only noise")
-
-
-class PlainLaw(Result):
-    """A plain law, fitted by itself."""
-
-    name: str
-    label: str = Field(description="what it acts on; empty where that is everything")
-    values: dict[str, float] = Field(description="SI units")
-    ebic_behind: float | None = Field(description="extended BIC above that of the answer; null where it diverges")
-    passes: bool = Field(description="whether it leaves only noise")
-
-
-class ContradictingCheck(Result):
-    """A check that lowered the verdict."""
-
-    check: Literal["null_control", "held_out", "held_out_remainder", "runner_up", "nothing_held_out", "time_limit"]
-    found: str
-
-
-class StabilityOverRuns(Result):
-    """The comparison of hypotheses with model error admitted."""
-
-    chosen_in: dict[str, float] = Field(description="share of the subsets of runs in which each effect is chosen")
-    held_out_gain: float | None = Field(description="mean fall of chi2 on runs left out; null where unknown")
-    held_out_error: float | None = Field(description="its standard error; null where it is unknown")
-    ebic_ahead: float | None = Field(description="extended BIC below that of no effect; null where unknown")
-    model_error: dict[str, float] = Field(description="smooth residuals by kind of measurement, in units of the noise")
-    competitors: list[list[str]] = Field(description="sets of effects that come near")
-    reasons: list[str] = Field(description="why none is named; empty where one is")
-
-
-class NearMiss(Result):
-    """Effects that would lower the misfit of data that are explained already."""
-
-    effects: list[str]
-    ebic_gain: float
+    before: float | None = Field(description="without an effect; null where it diverges")
+    after: float | None = Field(description="with those of the best hypothesis; null where it diverges")
 
 
 class SeparatedPair(Result):
@@ -181,19 +124,11 @@ class DecidingExperiment(Result):
     decides: bool = Field(description="whether every pair is separated clearly")
 
 
-class ForceNumber(Result):
-    """A fitted number of a law of force."""
-
-    value: float = Field(description="in its unit")
-    unit: str = Field(description="1 where it has none")
-    interval95: Interval95 = Field(description="an end is null where it is unbounded")
-
-
 class AlternativeLaw(Result):
     """Another law of force."""
 
     expression: str
-    ebic_behind: float | None = Field(description="extended BIC above that of the best; null where it diverges")
+    behind: float | None = Field(description=BEHIND)
 
 
 class ResidualForce(Result):
@@ -201,11 +136,11 @@ class ResidualForce(Result):
 
     explains: bool = Field(description="whether with it only noise is left")
     summary: str
-    expression: str = Field(description="acceleration [m/s^2]; empty where no term helps")
+    expression: str = Field(description="acceleration [m/s^2]")
     written: str = Field(description="the same with its numbers")
-    numbers: dict[str, ForceNumber]
+    numbers: dict[str, EffectNumber]
     direction: list[str] = Field(description="of each term")
-    speed_exponent: list[ForceNumber] = Field(description="of terms that depend on a power of the speed")
+    speed_exponent: list[EffectNumber] = Field(description="of terms that depend on a power of the speed")
     depends_on: list[str]
     chi2_before: float | None = Field(description="without it; null where that diverges")
     chi2_after: float | None = Field(description="with it; null where that diverges")
@@ -219,33 +154,26 @@ class ProposedEffects(GapAnswer):
     """Data of ProposeEffects. Fields after plain_laws are left out where there is nothing to say."""
 
     verdict: Verdict
-    proposals: list[ProposedHypothesis] = Field(description="best first")
-    runner_up: RunnerUp | None = Field(description="null where no other name was fitted")
-    goodness: str = Field(description="whether the best leaves only noise")
-    noise: str = Field(description="its level, correlation and outliers")
+    reasons: list[str] = Field(description="what kept the verdict from being more")
+    proposals: list[ProposedHypothesis] = Field(description="the one named, or the nearest, then its competitors")
+    error: HeldOutError
+    frequencies: dict[str, float] = Field(description="share of the bootstraps over runs that choose each effect")
+    stable: float = Field(description="share of them that choose all effects of the best hypothesis")
+    noise: float | None = Field(description="of positions, median [m]; null where none were measured")
     base: dict[str, float] = Field(description="refitted parameters of the world itself, SI units")
-    null_control: str | None = Field(description="verdict on data of the world itself; null where it was not needed")
+    runner_up: str | None = Field(description="the best of another name; null where none was fitted")
     set_aside: list[str] = Field(description="runs that behave unlike the rest")
-    plain_laws: list[PlainLaw]
-    remainder: str | None = Field(default=None, description="what the answer leaves unexplained")
-    checks: list[ContradictingCheck] | None = None
-    stability: StabilityOverRuns | None = None
+    plain_laws: list[str] = Field(description="plain laws alone and in pairs, best first")
+    equivalent: list[list[str]] | None = Field(default=None, description="sets of effects that predict the same motion")
     time_limit: float | None = Field(default=None, description="limit that ended the search [s]")
-    other_forms: list[str] | None = Field(default=None, description="the same effects by another rule or on others")
-    near_misses: list[NearMiss] | None = None
     experiment: DecidingExperiment | None = None
     residual_force: ResidualForce | None = None
     whole: str = Field(description="how to read all of it")
 
 
-class FittedNumber(Result):
+class FittedNumber(EffectNumber):
     """A fitted number of an effect, and where it stands in the world."""
 
-    value: float = Field(description="in its unit")
-    unit: str = Field(description="1 where it has none")
-    interval95: Interval95 | None = Field(
-        description="null where it was not computed; an end is null where it is unbounded"
-    )
     paths: list[str] = Field(description="parameters of the world")
 
 
@@ -260,20 +188,23 @@ class AddedLaw(Result):
 
 
 class GainedByEffect(Result):
-    """Gain of an effect on the data fitted."""
+    """Gain of an effect in the prediction of data left out."""
 
-    chi2_before: float
-    chi2_after: float
-    measurements: float = Field(description="number of measurements")
-    further_unknowns: float = Field(description="number of unknowns that the effect adds")
-    bic_gain: float = Field(description="fall of the Bayesian information criterion")
+    error_before: float | None = Field(description=ERROR)
+    error_after: float | None = Field(description="the same with the effect")
+    gained: float | None = Field(description="nats of evidence, 3 are 20 to 1")
+    further_unknowns: int = Field(description="number of unknowns that the effect adds")
 
 
 class Gap(Result):
-    """Root mean square residuals beyond the noise, without and with an effect."""
+    """Residuals without and with an effect, initial states refitted."""
 
-    gap_before: float = Field(description="in `unit`")
-    gap_after: float = Field(description="in `unit`")
+    before: float = Field(description="root mean square residual, in standard deviations of the noise")
+    after: float = Field(description="the same with the effect")
+    share: float = Field(description="of the gap beyond the noise that is left, in standard deviations")
+    by_run: dict[str, list[float]] = Field(description="both errors of each run")
+    gap_before: float = Field(description="root mean square residual beyond the noise, in `unit`")
+    gap_after: float = Field(description="the same with the effect")
     noise_floor: float = Field(description="the noise itself, in `unit`")
     closed: float | None = Field(description="share closed; null where there was no gap")
     unit: str
@@ -286,7 +217,7 @@ class AddedEffect(GapAnswer):
     from_world: str = Field(description="id of the world it was added to")
     laws: list[str] = Field(description="names of the effects in the world")
     effects: list[AddedLaw]
-    explains: bool = Field(description="whether only noise is left in the data fitted")
+    explains: bool = Field(description="whether nothing is left in the data fitted")
     evidence: GainedByEffect
     fitted_data: Gap
     sealed: Gap | None = Field(description="on sealed data; null where none were sealed")

@@ -27,12 +27,13 @@ from atw_mcp.tools.world_arguments import CaseId, EffectArgument, Patience
 from evidence_store import Case, Content, UnknownRecord
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapSettings
+from polyworld.gap.adding import with_parts
 from polyworld.gap.catalogue import catalogue, named
-from polyworld.gap.settings import SearchSettings
 from polyworld.world import World
 
 GROUP = ToolGroup("gap")
 KIND = "gap"  # of stored outcomes
+METHOD = 2  # counts changes of what outcomes hold
 DOING = {"examine": "examining", "propose": "looking for what is missing in", "add": "adding an effect to"}
 
 WorldId = Annotated[str | None, Field(description="world id; default: the committed, else the latest")]
@@ -63,10 +64,11 @@ def find_discrepancy(
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:
     """Ask whether a world explains what was measured, to the noise. Initial states and the base parameters are
-    refitted, the noise (level, correlation, outliers) is estimated from the data; then residuals in units of the noise
-    are listed by object, run, time, phase of motion, place, speed and axis, with pictures. If the data are explained,
-    nothing is missing. The last quarter of the data (or the runs sealed at import) is not looked at. Next:
-    ProposeEffects where they are not explained."""
+    refitted, and each run (of few runs, each stretch) is predicted from a fit without it; the noise is measured before
+    any fit. Residuals in units of the noise are listed by object, run, time, phase of motion, place, speed and axis,
+    with pictures and with sudden changes of velocity that nothing known explains. If the data are explained, nothing is
+    missing. The last quarter of the data (or the runs sealed at import) is not looked at. Next: ProposeEffects where
+    they are not explained."""
     found = app.case(case)
     start = _not_failed(app, found, app.world(found, world))
     with explained():
@@ -111,18 +113,18 @@ def propose_effects(
         float | None,
         Field(gt=0.0, le=86400.0, description="longest search [s]; it ends with the best verdict so far"),
     ] = None,
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="random seed of null control and resampling")] = 0,
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="random seed of the bootstrap")] = 0,
     patience_seconds: Patience = 40.0,
 ) -> Answer | LongWork:
-    """Search the catalogue for what a world lacks: every contender is added, fitted together with initial states and
-    base parameters on simulated trajectories. The verdict is one of: identified (only noise is left, no other effect
-    comes near), identified_with_remainder (something is left, described, but the same effects are chosen whichever runs
-    are left out and they predict held-out runs better), ambiguous (several would do; with the experiment that would
-    decide), unexplained (none is chosen stably; the residual force as an expression), nothing_missing. Runs that behave
-    unlike the rest are set aside and reported. Plain laws (drag, friction, restitution, gravity) are always reported
-    beside a richer answer. A null control repeats the search on data simulated from the world itself; an alarm there
-    lowers the verdict. Sealed data are looked at once the verdict stands, and can only lower it. Next: AddEffect with
-    this result's evidence id."""
+    """Search the catalogue for what a world lacks: contenders are added one by one, fitted together with initial states
+    and base parameters on simulated trajectories, and judged by what they predict of runs left out of the fit. The
+    verdict is one of: identified (what is left out is predicted to the noise, and no other effect does as well),
+    identified_with_remainder (something is left, but these effects close most of the gap in bootstraps over runs),
+    ambiguous (several would do; with the experiment that would decide), unexplained (no effect may be named; with the
+    residual force as an expression), nothing_missing. Runs that no effect predicts are set aside and reported. Plain
+    laws (drag, friction, restitution, gravity), alone and in pairs, are always reported beside a richer answer. Sealed
+    data are looked at once the verdict stands, and can only lower it. Next: AddEffect with this result's evidence
+    id."""
     found = app.case(case)
     start = _not_failed(app, found, app.world(found, world))
     with explained():
@@ -130,7 +132,7 @@ def propose_effects(
         recording = case_recording(app, found, start)
         unknowns = base_unknowns(app, start, base)
 
-    settings = GapSettings(search=SearchSettings(max_effects=max_effects), time_limit=time_limit, seed=seed)
+    settings = GapSettings(depth=max_effects, time_limit=time_limit, seed=seed)
 
     def answer(outcome: Outcome) -> Answer:
         context = {**_recording_used(recording), "next": next_step(found.id, outcome.data)}
@@ -197,9 +199,10 @@ def add_effect(
             recording = case_recording(app, found, parent)
 
         detail: dict[str, Any] = {"proposal": proposal, "hypothesis": hypothesis}
+        asked = {"title": made["title"], "after": World.model_validate(made["world"]).id}
         return _found_or_computed(
             app,
-            _Question("add", found, parent, recording, {"title": made.title, "after": made.after.id}),
+            _Question("add", found, parent, recording, asked),
             lambda progress: gap_work.worth(made, recording.parts, progress),
             lambda outcome: _added(app, found, parent, outcome, recording, detail),
             patience_seconds,
@@ -208,7 +211,7 @@ def add_effect(
     parent = _not_failed(app, found, app.world(found, world))
     with explained(f"InspectWorld(case={found.id!r}, world={parent.id!r}) lists objects and effects"):
         law = effect.to_effect()
-        gap_work.with_effect(parent, law)  # refused here, before any work
+        with_parts(parent, effects=(*parent.effects, law))  # refused here, before any work
         recording = case_recording(app, found, parent)
         unknowns = base_unknowns(app, parent, base)
 
@@ -265,7 +268,7 @@ def _added(
     )
 
 
-def _proposed(app: App, case: Case, evidence: str, index: int) -> tuple[World, gap_work.Proposal]:
+def _proposed(app: App, case: Case, evidence: str, index: int) -> tuple[World, dict[str, Any]]:
     try:
         record = app.store.read_evidence(evidence)
     except UnknownRecord as error:
@@ -283,7 +286,7 @@ def _proposed(app: App, case: Case, evidence: str, index: int) -> tuple[World, g
         titles = [p["title"] for p in proposals]
         raise ToolError(f"{evidence} has {len(proposals)} proposals {titles}; hypothesis must be below that")
     assert record.world is not None
-    return app.world(case, record.world), gap_work.Proposal.of(proposals[index], record.payload["data"])
+    return app.world(case, record.world), proposals[index]
 
 
 def _recording_used(recording: CaseRecording) -> dict[str, Any]:
@@ -307,7 +310,13 @@ class _Question:
     @property
     def whole(self) -> dict[str, Any]:
         """Everything that determines the answer."""
-        return {"what": self.what, "world": self.world.id, "recording": self.recording.id, **self.inputs}
+        return {
+            "method": METHOD,
+            "what": self.what,
+            "world": self.world.id,
+            "recording": self.recording.id,
+            **self.inputs,
+        }
 
 
 def _found_or_computed(

@@ -523,7 +523,7 @@ class GapSeries(Part):
 
 
 class Jump(Part):
-    """The impulse that is missing between two segments of a run fitted with weak continuity."""
+    """A sudden change of velocity that nothing known explains."""
 
     run: str = Field(description="as in the series")
     object: str
@@ -538,7 +538,7 @@ class Candidate(Part):
 
     title: str
     behind: float | None = Field(
-        description="extended BIC above that of the best; null where it diverges or was not compared"
+        description="nats of evidence below the best; null where it diverges or was not compared"
     )
     explains: bool
     values: list[FittedParameter]

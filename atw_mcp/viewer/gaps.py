@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.gap.numbers import GapNumbers, Residuals
+from atw_mcp.gap.numbers import GapNumbers, Jump, Residuals
 from atw_mcp.viewer import document as view
 from atw_mcp.viewer.packing import Blocks
 from evidence_store import Case, Evidence, EvidenceStore, StoreError
-from polyworld.gap.segment_jumps import SegmentJump
 
 Array = NDArray[np.float64]
 
@@ -31,12 +30,12 @@ def gap_views(store: EvidenceStore, case: Case, blocks: Blocks) -> tuple[list[vi
         try:
             record = store.evidence.get(head.id)
             numbers = _numbers(store, record)
-        except (StoreError, ValueError, KeyError) as error:
+            views.append(_view(record, numbers or GapNumbers(()), blocks))
+        except (StoreError, ValueError, KeyError) as error:  # KeyError: as another version wrote it
             missing.append(f"The numbers of {head.id} ({head.tool}) cannot be shown: {str(error).rstrip('.')}.")
             continue
         if numbers is None:
             older.append(head.id)
-        views.append(_view(record, numbers or GapNumbers(()), blocks))
     if older:
         missing.append(
             f"Residuals of {', '.join(older)} are not shown: an older version kept pictures of them, not numbers."
@@ -106,7 +105,7 @@ def _series(run: str, parts: Sequence[Residuals], blocks: Blocks) -> view.GapSer
     )
 
 
-def _shown_jump(run: str, jump: SegmentJump, parts: Sequence[Residuals]) -> view.Jump:
+def _shown_jump(run: str, jump: Jump, parts: Sequence[Residuals]) -> view.Jump:
     """Return a jump; where a body is along axes that no residual measures is taken from what was observed there."""
     times = np.concatenate([part.times for part in parts])
     observed = np.concatenate([part.observed for part in parts])
@@ -116,7 +115,7 @@ def _shown_jump(run: str, jump: SegmentJump, parts: Sequence[Residuals]) -> view
         run=run,
         object=jump.name,
         time=jump.time,
-        sigmas=jump.sigmas,
+        sigmas=jump.size / jump.sigma,
         position=[float(value) for value in place],
         velocity_change=[float(value) for value in np.nan_to_num(jump.change)],
     )
@@ -124,16 +123,16 @@ def _shown_jump(run: str, jump: SegmentJump, parts: Sequence[Residuals]) -> view
 
 def _verdict(tool: str, data: dict[str, Any]) -> str:
     if tool == "FindDiscrepancy":
-        return "Only noise is left: nothing is missing" if data["explained"] else "Something is missing"
+        return "Nothing is missing" if data["explained"] else "Something is missing"
     if tool == "AddEffect":
         names = " and ".join(effect["name"] for effect in data["effects"])
-        return f"With {names}, {'only noise is left' if data['explains'] else 'something is still missing'}"
-    titles = [proposal["title"] for proposal in data["proposals"]]
+        return f"With {names}, {'nothing is missing' if data['explains'] else 'something is still missing'}"
+    titles = list(dict.fromkeys([data["title"], *(proposal["title"] for proposal in data["proposals"])]))
     return {
-        "identified": f"Identified: {' or '.join(titles[:1])}",
-        "identified_with_remainder": f"Identified, with a remainder: {' or '.join(titles[:1])}",
-        "ambiguous": f"Ambiguous: {', '.join(titles[:-1])} or {titles[-1]}" if len(titles) > 1 else "Ambiguous",
-        "unexplained": "Unexplained: no known effect is chosen stably",
+        "identified": f"Identified: {titles[0]}",
+        "identified_with_remainder": f"Identified, with a remainder: {titles[0]}",
+        "ambiguous": f"Ambiguous: {', '.join(titles[:-1])} or {titles[-1]}",
+        "unexplained": "Unexplained: no known effect may be named",
         "nothing_missing": "Nothing is missing",
     }[data["verdict"]]
 
@@ -145,44 +144,28 @@ def _candidates(tool: str, data: dict[str, Any]) -> list[view.Candidate]:
     if tool == "AddEffect":
         title = " + ".join(effect["name"] for effect in data["effects"])
         return [view.Candidate(title=title, behind=None, explains=data["explains"], values=_values(data["effects"]))]
-    found = [
-        view.Candidate(
-            title=item["title"],
-            behind=item["ebic_behind"],
-            explains=item["passes"],
-            values=_values(item["effects"]),
+    others = [] if data["runner_up"] is None else [data["runner_up"]]
+    found = {
+        item["title"]: view.Candidate(
+            title=item["title"], behind=item["behind"], explains=item["explains"], values=_values(item["effects"])
         )
-        for item in data["proposals"]
-    ]
-    other = data["runner_up"]
-    others: list[tuple[str, dict[str, Any], dict[str, float]]]
-    others = [] if other is None else [(" + ".join(other["effects"]), other, {})]
-    others += [
-        (f"{law['name']} ({law['label']})" if law["label"] else law["name"], law, law["values"])
-        for law in data["plain_laws"]
-        if law["name"] not in {item["title"] for item in data["proposals"]}
-    ]
-    known = {candidate.title for candidate in found}
-    for title, fitted, values in others:
-        if title not in known:
-            known.add(title)
-            numbers = [_value(name, value, "SI", None) for name, value in values.items()]
-            found.append(
-                view.Candidate(title=title, behind=fitted["ebic_behind"], explains=fitted["passes"], values=numbers)
-            )
-    return sorted(found, key=lambda c: np.inf if c.behind is None else c.behind)
+        for item in reversed([*data["proposals"], *others, *data["plain_laws"]])
+    }
+    return sorted(found.values(), key=lambda c: np.inf if c.behind is None else c.behind)
 
 
 def _values(effects: Sequence[dict[str, Any]]) -> list[view.FittedParameter]:
     several = len(effects) > 1
     return [
-        _value(f"{effect['name']} {name}" if several else name, number["value"], number["unit"], number["interval95"])
+        view.FittedParameter(
+            name=f"{effect['name']} {name}" if several else name,
+            value=number["value"],
+            unit=number["unit"],
+            interval95=number["interval95"],
+            bounds=None,
+            at_bound=False,
+            sample=None,
+        )
         for effect in effects
         for name, number in effect["unknowns"].items()
     ]
-
-
-def _value(name: str, value: float, unit: str, interval: list[float | None] | None) -> view.FittedParameter:
-    return view.FittedParameter(
-        name=name, value=value, unit=unit, interval95=interval, bounds=None, at_bound=False, sample=None
-    )

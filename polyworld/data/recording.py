@@ -30,7 +30,7 @@ class Run:
     [m], NaN for each component that was not measured. orientations (T, n, 4) w, x, y, z, NaN where unknown. sigma:
     standard deviation of a position [m] where it is known; None to have it estimated. symmetry (n,): as in
     `ObservedTracks`. lead [s]: how long before the first row the run begins, for runs whose initial state is given and
-    not fitted. part_of: the longer run that it was cut from. window_of: likewise, of a window that a search looks at.
+    not fitted.
     angular_velocities (T, n, 3) [rad/s]: measured spins in world axes, NaN for each component that was not measured;
     default: none measured.
     """
@@ -43,8 +43,6 @@ class Run:
     sigma: float | None = None
     symmetry: tuple[int, ...] = ()
     lead: float = 0.0
-    part_of: str | None = None
-    window_of: str | None = None
     angular_velocities: Array = field(default_factory=_none_measured)
 
     def __post_init__(self) -> None:

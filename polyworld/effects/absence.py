@@ -10,7 +10,7 @@ from typing import Literal
 from polyworld.effects.conditions import FAR, Array, Conditions
 
 WIDE = 300.0  # ordinary sizes that a strength may have at most
-MOST_FREQUENCIES = 16  # of a grid; where runs resolve more, fits begin also at those at which residuals swing most
+MOST_FREQUENCIES = 32  # of a grid
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,7 @@ class Way:
     starts: where fits begin, as parameters that differ from these values. each: one law for all bodies; for each body
     one of its own; or for each body one with parameters of each run (`Conditions.unturned`) of its own. off: whether
     the law does nothing at its starts. label: whom it acts on and by what rule, where there are several ways. same_as:
-    other effects that this design cannot distinguish from it. everywhere: of a law with a radius, the parameters at
-    which it acts on all that was seen.
+    other effects that this design cannot distinguish from it.
     """
 
     free: Mapping[str, FreeParameter]
@@ -48,7 +47,6 @@ class Way:
     each: Literal["", "body", "run"] = ""
     off: bool = True
     same_as: tuple[str, ...] = ()
-    everywhere: Mapping[str, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -58,9 +56,8 @@ class Absence:
     ways: conditions of a recording -> the ways to add the law; none where it would not show. signature: what residuals
     look like where it is missing. confused_with: effect -> what separates the two. effect: standard name of the effect,
     where that is not the law's; laws of one name are forms of one effect, whose signature stands with one of them.
-    frequency: the parameter that is a frequency, if any. torque: whether it turns bodies and pushes none. plain,
-    uniform: whether it is a law expected of ordinary scenes, and whether it acts everywhere alike, as plain laws do;
-    both stand with the signature.
+    frequency: the parameter that is a frequency, if any. plain: whether it is a law expected of ordinary scenes; it
+    stands with the signature.
     """
 
     ways: Callable[[Conditions], Sequence[Way]]
@@ -68,9 +65,7 @@ class Absence:
     confused_with: Mapping[str, str] = field(default_factory=dict)
     effect: str = ""
     frequency: str | None = None
-    torque: bool = False
     plain: bool = False
-    uniform: bool = False
 
 
 def strength(typical: float, plausible: float | None = None) -> FreeParameter:

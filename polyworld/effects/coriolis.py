@@ -39,5 +39,4 @@ ABSENCE = Absence(
     ways,
     signature="residual across the velocity, to the same side whatever the heading",
     confused_with={"magnus_lift": "the same throw with the spin reversed"},
-    uniform=True,
 )

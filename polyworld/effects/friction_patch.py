@@ -55,7 +55,7 @@ LAW = EffectLaw(
 
 
 PLACES = 12
-RADII = (0.3, 0.8)  # of the spread of places
+RADII = (0.15, 0.3, 0.8)  # of the spread of places
 ROUGHEST = 1.0  # change of the coefficient that is ordinary: that of rubber on dry ground
 
 
@@ -71,9 +71,8 @@ def ways(found: Conditions) -> list[Way]:
     radius = FreeParameter(0.3 * found.spread, 0.02 * found.spread, widest, plausible=found.size, idle=True)
     free = {"friction": FreeParameter(0.1, -2.0, 2.0, plausible=ROUGHEST), "radius": radius}
     starts = [{"radius": share * found.spread} | coordinates("", place, flat) for place in places for share in RADII]
-    values = coordinates("", np.median(places, axis=0) + below) | {"radius": RADII[0] * found.spread}
-    everywhere = coordinates("", found.middle, flat) | {"radius": widest}
-    return [Way(free | somewhere(found, flat, "", 0.75), values, starts, everywhere=everywhere)]
+    values = coordinates("", np.median(places, axis=0) + below) | {"radius": RADII[1] * found.spread}
+    return [Way(free | somewhere(found, flat, "", 0.75), values, starts)]
 
 
 ABSENCE = Absence(

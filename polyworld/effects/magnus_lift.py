@@ -38,5 +38,4 @@ ABSENCE = Absence(
     signature="residual across both spin and velocity",
     confused_with={"coriolis": "the same throw with the spin reversed; of unseen spins, more throws"},
     plain=True,
-    uniform=True,
 )

@@ -33,5 +33,4 @@ ABSENCE = Absence(
     ways,
     signature="a spin that decays in free motion; bounces that kick less the later they come",
     confused_with={"friction_error": "the spin before the first contact"},
-    torque=True,
 )

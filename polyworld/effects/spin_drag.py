@@ -31,4 +31,4 @@ def ways(found: Conditions) -> list[Way]:
     return [Way({"coefficient": strength(found.spin_decay / found.spin)}, label="as the square of the spin")]
 
 
-ABSENCE = Absence(ways, effect="spin_damping", torque=True)
+ABSENCE = Absence(ways, effect="spin_damping")

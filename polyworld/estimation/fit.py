@@ -42,7 +42,7 @@ Method = Literal["least_squares", "cem", "random_search"]
 Edit = Callable[[list[Unknown]], list[Unknown]]
 STATE = ("position", "velocity", "rotation", "angular_velocity")  # fields of a body at its start
 TINY = 1e-15  # below which a number is rounding
-COSTLY = SamplingSettings(rounds=2, draws=32)  # of worlds with deformable bodies, whose rollouts take seconds
+COSTLY = SamplingSettings(rounds=2, most=2, draws=32)  # of worlds with deformable bodies, whose rollouts take seconds
 SKIDS_RARELY = 4.6  # minus twice the logarithm of one in ten: few balls slide and never begin to roll
 WEAK = 12.0  # difference of twice the log-evidence beyond which a way of rolling has less than three in a thousand
 Watch = Callable[[float, str, float], None]
@@ -287,7 +287,7 @@ class _Fit:
         """Sample the posterior, and compare runs with what was measured."""
         problem, minimum = found.problem, found.minimum
         drawn = self._drawn(found)
-        first = self._drawn(early, SamplingSettings(rounds=2)) if early else None
+        first = self._drawn(early, SamplingSettings(rounds=2, most=4)) if early else None
         runs = [self._run(r, run, found, drawn, early, first, cuts[r]) for r, run in enumerate(self.study.runs)]
         self.rollouts += problem.rollouts + (early.problem.rollouts if early else 0)
         count = sum(problem.runs[r][b].size for r in range(len(runs)) for b in range(len(problem.runs[r])))

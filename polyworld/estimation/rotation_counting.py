@@ -21,17 +21,15 @@ LEAP = 0.3  # of half a turn between two instants: a measured orientation that l
 
 
 def counted_vectors(vectors: Array, simulated: Array, observed: Array) -> Array:
-    """Rotation vectors (k, m, 3) [rad] from what R runs observed (R, m, 4) to simulated (k, m, 4), k / R of each run in
-    a row, counted on from the first instant.
-
-    vectors (k, m, 3): the smallest ones.
+    """Return rotation vectors (k, m, 3) [rad] from observed (m, 4) to simulated (k, m, 4) orientations, counted on from
+    the first instant. vectors (k, m, 3): the smallest ones.
     """
     half = np.pi
     far = np.flatnonzero(np.nanmax(np.linalg.norm(vectors, axis=-1), axis=1, initial=0.0) > NEAR * half)
     if not len(far):
         return vectors
     steps = _steps(simulated[far])
-    mismatch = rotation_vector(steps, _steps(observed[far // (len(simulated) // len(observed))]))
+    mismatch = rotation_vector(steps, _steps(observed))
     size = np.linalg.norm(mismatch, axis=-1, keepdims=True)
     mismatch = np.where(size < LEAP * half, mismatch, 0.0)
     counted = vectors[far].copy()
@@ -42,13 +40,13 @@ def counted_vectors(vectors: Array, simulated: Array, observed: Array) -> Array:
     return result
 
 
-def counted_angles(angles: Array, half: Array) -> Array:
-    """Return angles (k, m) [rad] in a plane, each folded into (-half, half] (m,), counted on from the first instant."""
+def counted_angles(angles: Array, half: float) -> Array:
+    """Return angles (k, m) [rad] in a plane, folded into (-half, half], counted on from the first instant."""
     if not np.nanmax(np.abs(angles) / half, initial=0.0) > NEAR:
         return angles
     mismatch = np.diff(angles, axis=1)
-    mismatch -= 2.0 * half[1:] * np.round(mismatch / (2.0 * half[1:]))
-    mismatch = np.where(np.abs(mismatch) < LEAP * half[1:], mismatch, 0.0)
+    mismatch -= 2.0 * half * np.round(mismatch / (2.0 * half))
+    mismatch = np.where(np.abs(mismatch) < LEAP * half, mismatch, 0.0)
     counted = angles.copy()
     counted[:, 1:] = counted[:, :1] + np.cumsum(mismatch, axis=1)
     result: Array = angles + _share(np.abs(counted), half) * (counted - angles)
@@ -62,7 +60,7 @@ def _steps(orientations: Array) -> Array:
     return steps
 
 
-def _share(size: Array, half: Array | float) -> Array:
+def _share(size: Array, half: float) -> Array:
     """Return 0 near the data, 1 far from them, smooth between."""
     x = np.clip((size / half - NEAR) / (SUMMED - NEAR), 0.0, 1.0)
     share: Array = x * x * (3.0 - 2.0 * x)

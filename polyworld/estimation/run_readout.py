@@ -82,12 +82,11 @@ class RunReadout:
             order = run.symmetry[column]
             if self.planar:
                 turn = turn_about(simulated, observed, self.normal, np.full(len(rows), max(order, 1)))
-                half = np.full(len(rows), np.pi / max(order, 1))
-                found[:, rows, column, 5] = counted_angles(turn, half)
+                found[:, rows, column, 5] = counted_angles(turn, np.pi / max(order, 1))
                 continue
             vectors = smallest_rotation(simulated, observed, np.full(len(rows), order))
             if order == 1:
-                vectors = counted_vectors(vectors, simulated, observed[None])
+                vectors = counted_vectors(vectors, simulated, observed)
             found[:, rows, column, 3:6] = vectors
         standardised: Array = found.reshape(k, s, -1) / self.sigma
         chosen: Array = standardised[:, self.measured[:s]]

@@ -13,7 +13,7 @@ from polyworld.data.recording import Run
 from polyworld.estimation.declared import SKIDS, Rolling, can_roll
 from polyworld.estimation.fit_settings import PriorSettings
 from polyworld.estimation.initial_state import StateMap, joined, of_paths
-from polyworld.estimation.states import state_coordinates
+from polyworld.estimation.states import linkage_states
 from polyworld.estimation.stretches import Stretch
 from polyworld.estimation.support import Support, rolling_spin, supports
 from polyworld.estimation.unknown import Unknown
@@ -47,10 +47,7 @@ def initial_state(stretch: Stretch, settings: PriorSettings, rolling: Rolling, *
     if held:
         run = Run.of_tracks("run", tracks)
         rigid = [i for i, n in enumerate(run.names) if world.is_rigid(n)]
-        for own in state_coordinates(world, run.columns(rigid)):
-            if own.kind == "jointed":
-                none = np.tile([0.0, np.inf], (len(own.labels), 1))
-                parts.append(StateMap(own.labels, own.start, own.typical, none, own.overrides))
+        parts += linkage_states(world, run.columns(rigid))
     for item in world.objects:
         state = seen.get(item.name)
         if state is not None and stretch.carried:  # a collision may leave a speed that looks like rest

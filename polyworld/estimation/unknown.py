@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from polyworld.data.recording import Run
-
 
 @dataclass(frozen=True)
 class Unknown:
@@ -14,12 +12,12 @@ class Unknown:
 
     paths: parameter paths (`polyworld.world.parameters`) that take its value, all the same. start: its value where
     nothing is known, the neutral one for a missing effect. lower, upper: bounds. typical: a change of it that would be
-    ordinary (the width of the prior), from which steps and the power check take their scale. run: the one run that it
-    is of; in all others the paths keep the world's value. plausible: largest departure from `start` that physics makes
-    ordinary, for which evidence charges (departure / plausible)^2 as a normal prior of that width does; None where
-    nothing is known. scale: "log" varies the natural logarithm, of which `typical` is then a change. prior: mean and
-    standard deviation of a Gaussian prior, of the logarithm on that scale. powers: exponents with which each path takes
-    the value, as a factor beside those of other unknowns on a log scale; default 1.
+    ordinary, from which steps take their scale. run: the one run that it is of; in all others the paths keep the
+    world's value. plausible: departure from `start` that physics makes ordinary: the width of a normal prior by which
+    hypotheses are compared; None where nothing is known. scale: "log" varies the natural logarithm, of which `typical`
+    is then a change. prior: mean and standard deviation of a Gaussian prior with which it is fitted, of the logarithm
+    on that scale. powers: exponents with which each path takes the value, as a factor beside those of other unknowns on
+    a log scale; default 1.
     """
 
     name: str
@@ -34,7 +32,3 @@ class Unknown:
     prior: tuple[float, float] | None = None
     scale: Literal["linear", "log"] = "linear"
     powers: tuple[float, ...] = ()
-
-    def is_of(self, run: Run) -> bool:
-        """Return whether its value counts in a run, or in a segment of it."""
-        return self.run in (None, run.window_of or run.name)

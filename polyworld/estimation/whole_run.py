@@ -93,10 +93,11 @@ def refined(
         assert block.link is not None
         for name in block.link.who:
             sd = float(object_mass(world.object(name))) * block.link.velocity[name]
-            for path in (f"effects.{NAME}{number}_{name}.impulse_{a}" for a in free_axes(world)):
+            for pulse, axis in itertools.product(("", "_after"), free_axes(world)):
+                path = f"effects.{NAME}{number}_{name}{pulse}.impulse_{axis}"
                 start = float(led.overrides[path][0])
                 far = abs(start) + FARTHEST * sd
-                unknowns.append(Unknown(path, (path,), "N s", start, -far, far, sd, prior=(0.0, sd)))
+                unknowns.append(Unknown(path, (path,), "N s", start, -far, far, sd, prior=(start, sd)))
     whole = Block(blocks[0].name, world, times, readout, blocks[0].states)
     problem = Problem([[whole]], unknowns, settings.descent)
     found = problem.descend(Point(problem.start().shared, ((at,),)), 1.0).point

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf
 from typing import Any
 
-from polyworld.estimation.candidate import Variant
 from polyworld.estimation.unknown import Unknown
+from polyworld.gap.candidate import Variant
 from polyworld.world import World
 from polyworld.world.parameters import parameter_paths, read_parameter, specification
 
@@ -78,11 +78,7 @@ def one_start(
     unknowns: Sequence[Unknown],
     label: str = "",
     *,
-    strength: str | None = None,
     same_as: tuple[str, ...] = (),
 ) -> Variant:
-    """Return a variant that is fitted from its neutral values. strength: default the unknown, where it is the only
-    one."""
-    if strength is None and len(unknowns) == 1:
-        strength = unknowns[0].name
-    return Variant(world, tuple(unknowns), (neutral(unknowns),), label, strength, same_as)
+    """Return a variant that is fitted from its neutral values."""
+    return Variant(world, tuple(unknowns), (neutral(unknowns),), label, same_as)

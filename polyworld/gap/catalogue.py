@@ -1,4 +1,4 @@
-"""The catalogue of what may be missing from a world: effects of `polyworld.effects`, and faults of `gap.faults`."""
+"""Catalogue what may be missing: effects of `polyworld.effects`, and what is wrong with the world or its observer."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import pkgutil
 from collections.abc import Sequence
 from functools import cache
 
-from polyworld.estimation.candidate import Candidate
 from polyworld.gap import faults
+from polyworld.gap.candidate import Candidate
 from polyworld.gap.effect_candidates import effect_candidates
 
 # Groups in the order in which readers meet them; within a group, candidates stand as their modules are named.

@@ -8,19 +8,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.design import Design
-from polyworld.estimation.forward import Forward, Settings
-from polyworld.estimation.noise import Noise
-from polyworld.estimation.profile import Fit
+from polyworld.estimation.run_readout import CHANNELS
+from polyworld.gap.fitting import Fitted
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Compared:
-    """One object in one run: times (T,) [s]; observed and simulated positions (T, 3) [m], NaN where not measured;
-    residual (T, 3): simulated less observed, in standard deviations of the noise. turning: the same of rotations and
-    spins, by kind, as far as they were measured."""
+    """One object in one run: times (T,) [s] from the run's start; observed and simulated positions (T, 3) [m], NaN
+    where not measured; residual (T, 3): simulated less observed, in standard deviations of the noise. turning: the same
+    of rotations and spins, by kind, as far as they were measured."""
 
     run: str
     name: str
@@ -39,25 +37,17 @@ class Compared:
         return size
 
 
-def compared(forward: Forward, noise: Noise, fitted: Fit) -> tuple[Compared, ...]:
+def compared(fitted: Fitted) -> tuple[Compared, ...]:
     """Compare every object of every run with what a fitted hypothesis makes of it."""
-    plan: Design = forward.design
-    settings = [Settings(r.index, fitted.values[None], fitted.states[r.index][None]) for r in plan.runs]
     found: list[Compared] = []
-    for own, raw in zip(plan.runs, forward.residuals(settings), strict=True):
-        scaled = raw[0] / noise.sigma[own.index]
-        for column, name in enumerate(own.run.names):
-            shape = (len(own.run.times), 3)
-            simulated, residual = np.full(shape, np.nan), np.full(shape, np.nan)
-            turning: dict[str, Array] = {}
-            observed = own.run.positions[:, column]
-            for s in own.series:
-                if s.name != name:
-                    continue
-                if s.kind != "position":
-                    turning.setdefault(s.kind, np.full(shape, np.nan))[s.rows, s.axis] = scaled[s.where]
-                else:
-                    simulated[s.rows, s.axis] = observed[s.rows, s.axis] + raw[0, s.where]
-                    residual[s.rows, s.axis] = scaled[s.where]
-            found.append(Compared(own.run.name, name, own.times, observed, simulated, residual, turning))
+    for run, readout, one in zip(fitted.ground.recording.runs, fitted.ground.readouts, fitted.slopes, strict=True):
+        grid = readout.grid(one.residuals)
+        for column, name in enumerate(run.names):
+            first = CHANNELS * column
+            residual, turn, spin = (grid[:, first + 3 * k : first + 3 * k + 3] for k in range(3))
+            observed = run.positions[:, column]
+            simulated = observed + residual * readout.sigma[first : first + 3]
+            turning = {k: v for k, v in (("rotation", turn), ("spin", spin)) if np.isfinite(v).any()}
+            times = run.times - run.times[0] + run.lead
+            found.append(Compared(run.name, name, times, observed, simulated, residual, turning))
     return tuple(found)

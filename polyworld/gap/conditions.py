@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +89,8 @@ def _conditions(world: World, recording: Recording) -> Conditions:
     variance = np.array([np.var(everything[seen[:, a], a]) if seen[:, a].any() else 0.0 for a in range(3)])
     paths = list(tracks(world, recording))
     places = [np.where(np.isfinite(t.places), t.places, (lower + upper) / 2) for t in paths]
-    near = [touching(world, t) for t in paths]
+    solid = [_filled(world, t) for t in paths]
+    near = [touching(world, t) for t in solid]
     return Conditions(
         lower=lower,
         upper=upper,
@@ -111,9 +112,9 @@ def _conditions(world: World, recording: Recording) -> Conditions:
         deformables=bool(world.deformables),
         planar=world.planar,
         supported=supported,
-        bounces=any(touching(world, t, margin=_longest_step(t)).any() for t in paths),
+        bounces=any(touching(world, t, margin=_longest_step(t)).any() for t in solid),
         meetings=_meetings(world, recording),
-        slides=supported or any(_lasts(t, n) for t, n in zip(paths, near, strict=True)),
+        slides=supported or any(_lasts(t, n) for t, n in zip(solid, near, strict=True)),
         rubs=any(o.friction > 0.0 for o in world.objects),
         turns=any(np.isfinite(m).any() for run in recording.runs for m in (run.orientations, run.angular_velocities)),
         unturned=_unturned(world, recording),
@@ -147,11 +148,7 @@ def _unturned(world: World, recording: Recording) -> dict[str, tuple[str, ...]]:
 
 
 def _span(recording: Recording) -> float:
-    ends: dict[str, tuple[float, float]] = {}
-    for run in recording.runs:
-        first, last = ends.get(run.part_of or run.name, (np.inf, -np.inf))
-        ends[run.part_of or run.name] = (min(first, float(run.times[0])), max(last, float(run.times[-1])))
-    return max(last - first for first, last in ends.values())
+    return max(float(run.times[-1] - run.times[0]) for run in recording.runs)
 
 
 def _start(world: World, name: str) -> Array:
@@ -232,6 +229,12 @@ def touching(world: World, track: Track, margin: float = 0.0) -> NDArray[np.bool
     for static in world.statics:
         near |= full & (distance_to_static(static, places) <= limit)
     return near
+
+
+def _filled(world: World, track: Track) -> Track:
+    """Return a track that stays, along axes that its run never measured, where the world has the body."""
+    never = ~np.isfinite(track.places).any(axis=0)
+    return replace(track, places=np.where(never, _start(world, track.name), track.places)) if never.any() else track
 
 
 def _longest_step(track: Track) -> float:

@@ -10,11 +10,10 @@ from polyworld.data.recording import Recording
 from polyworld.effects import ABSENCES, CATALOGUE
 from polyworld.effects.absence import Way
 from polyworld.effects.conditions import Conditions
-from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.adding import free_name, neutral, of_path, with_parts
+from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.conditions import conditions
-from polyworld.gap.rhythm import rhythm_starts
 from polyworld.world import Effect, World
 
 
@@ -42,10 +41,7 @@ def _candidate(name: str, kinds: list[str]) -> Candidate:
         reference=law.reference,
         variants=partial(_variants, listed),
         confused_with=absence.confused_with,
-        further=None if absence.frequency is None else partial(rhythm_starts, absence.frequency),
-        torque=absence.torque,
         plain=absence.plain,
-        uniform=absence.uniform,
     )
 
 
@@ -61,16 +57,13 @@ def _variant(world: World, found: Conditions, kind: str, way: Way) -> Variant:
     effects = tuple(_added(world, found, kind, way))
     child = with_parts(world, effects=(*world.effects, *effects))
     unknowns = tuple(u for effect in effects for u in _unknowns(child, found, effect, way, len(effects)))
-    acting = [name for name, parameter in way.free.items() if not parameter.idle]
     return Variant(
         child,
         unknowns,
         tuple(neutral(unknowns, **start) for start in way.starts),
         way.label or ("each body by itself" if way.each == "body" else ""),
-        acting[0] if way.off and not way.each and len(acting) == 1 else None,
         way.same_as,
         tuple(name for name, parameter in way.free.items() if parameter.idle),
-        way.everywhere,
     )
 
 

@@ -1,50 +1,46 @@
 """The experiment that would decide between hypotheses: which object, started how, and what to watch.
 
-Starts are tried on a grid that reaches beyond what was measured: at rest, three times the speeds seen, opposite
-headings, other heights, spin reversed. For each, every hypothesis predicts the motion. How far two of them are apart
-is what no change of the new run's initial state, and no change of the parameters within what is known of them, can make
-up: the length of the difference of the two forecasts, whitened, with those directions projected out (a linearised form
-of the criterion of Box & Hill 1967, Technometrics 9, 57).
+Starts are tried on a grid that reaches beyond what was measured: at rest, three times the speeds seen, all headings,
+another height, spin reversed. For each, every hypothesis predicts the motion. Two of them are separated by what no
+change of the new run's initial state, and of the unknowns within what is known of them, can make up: the length of the
+difference of their forecasts in standard deviations, with those directions projected out (a linearised form of the
+criterion of Box & Hill 1967, Technometrics 9, 57).
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.data.recording import Recording, Run
-from polyworld.estimation.design import Design, RunDesign, design
-from polyworld.estimation.forward import Forward, Settings
-from polyworld.estimation.noise import Noise
-from polyworld.estimation.unknown import Unknown
-from polyworld.gap.settings import ExperimentSettings
-from polyworld.world import World
+from polyworld.estimation.problem import LOST
+from polyworld.estimation.run_readout import CHANNELS
+from polyworld.gap.fitting import Fitted
+from polyworld.gap.ground import Ground
+from polyworld.gap.held_out import reduced
+from polyworld.gap.settings import GapSettings
+from polyworld.gap.verdict import independent_share
 
 Array = NDArray[np.float64]
 
-STATE_STEP = 1e-4  # of a typical change, for difference quotients
-PARAMETER_STEP = 0.1  # of a standard deviation, likewise
-
-
-@dataclass(frozen=True)
-class Contender:
-    """A fitted hypothesis: names of its effects, its child world, unknowns, their values (S,) and covariance (S, S)."""
-
-    names: tuple[str, ...]
-    world: World
-    unknowns: tuple[Unknown, ...]
-    values: Array
-    covariance: Array
+SPEEDS = (0.0, 1.0, 3.0)  # times the fastest start seen: laws that agree at one speed part at a multiple of it
+SLOWEST = 0.5  # [m/s] that counts as the fastest start where nothing was thrown
+RISES = (0.0, np.pi / 4)  # [rad] of the start above the horizontal
+LIFTS = (0.0, 1.0)  # heights of the start above that of the first run, in extents of the motion seen
+REACH = 10.0  # ordinary changes within which unknowns lie that the data do not show
+STEP = 0.1  # of a standard deviation of the unknowns, for derivatives
+TRIAL = "trial"  # name of the new run
+VECTORS = ("position", "velocity", "angular_velocity")
+KINDS = ("position", "rotation", "spin")
 
 
 @dataclass(frozen=True)
 class Separation:
-    """How far two contenders' forecasts are apart, in standard deviations of the noise."""
+    """How far the forecasts of two contenders are separated, in standard deviations of what fits leave."""
 
     first: tuple[str, ...]
     second: tuple[str, ...]
@@ -53,250 +49,209 @@ class Separation:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A run to be made. position [m], velocity [m/s], angular_velocity [rad/s] at its start, world axes.
+    """A run to be made. position [m], velocity [m/s], angular_velocity [rad/s] (3,) at its start, world axes.
 
-    watch: component and instant at which the two likeliest contenders differ most, as they stand and once their starts
-    are adjusted;
-    forecasts: what each contender expects there. decides: whether every pair is separated by enough noise.
+    duration, interval [s]: of its samples. watch: component and instant at which the first two contenders differ most,
+    as they stand and once their starts are adjusted; forecasts: what each contender expects there. decides: whether
+    every pair is separated by enough to exclude one of the two.
     """
 
     object: str
-    position: tuple[float, float, float]
-    velocity: tuple[float, float, float]
-    angular_velocity: tuple[float, float, float]
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+    angular_velocity: tuple[float, ...]
     duration: float
     interval: float
-    separations: tuple[Separation, ...]
     watch: str
     forecasts: dict[str, float]
+    separations: tuple[Separation, ...]
     decides: bool
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready values."""
-        return {
-            "object": self.object,
-            "position": list(self.position),
-            "velocity": list(self.velocity),
-            "angular_velocity": list(self.angular_velocity),
-            "duration": self.duration,
-            "interval": self.interval,
-            "watch": self.watch,
-            "forecasts": self.forecasts,
-            "separations": [
-                {"first": list(s.first), "second": list(s.second), "sigmas": s.sigmas} for s in self.separations
-            ],
-            "decides": self.decides,
-        }
+        return asdict(self)
 
 
-def propose_experiment(
-    plan: Design, noise: Noise, contenders: Sequence[Contender], settings: ExperimentSettings | None = None
-) -> Experiment | None:
-    """Find the start, among those of a grid, at which the least separated pair of contenders is separated most.
+def propose_experiment(contenders: Sequence[Fitted], settings: GapSettings) -> Experiment | None:
+    """Find the start of a grid that decides between most pairs of contenders and separates the nearest pair most.
 
-    One free rigid object is started differently; the others start as in the first run. None where no object can be (all
-    are held by joints or deformable) or where fewer than two contenders are given.
+    contenders: fitted to one recording, the likeliest first. One free rigid object is started differently; the others
+    start as in the first run. None where no object can be, or where fewer than two contenders are given.
     """
     if len(contenders) < 2:
         return None
-    names = dict.fromkeys(s.name for s in plan.runs[0].states if s.kind == "free" and "position.x" in s.labels)
-    found = [_best_for(plan, noise, contenders, name, settings or ExperimentSettings()) for name in names]
-    return max(found, key=lambda e: min(s.sigmas for s in e.separations), default=None)
+    names, labels = contenders[0].ground.recording.runs[0].names, contenders[0].ground.states[0].labels
+    free = [name for name in names if any(label.startswith(f"{name}.position.") for label in labels)]
+    found = [_best_for(contenders, name, settings) for name in free]
+    return max(found, key=lambda e: (e.decides, min(s.sigmas for s in e.separations)), default=None)
 
 
-def _best_for(
-    plan: Design, noise: Noise, contenders: Sequence[Contender], name: str, settings: ExperimentSettings
-) -> Experiment:
-    spins = _spins(plan, name)
-    trials = design(plan.world, Recording(tuple(_blank_run(plan, name, spin, k) for k, spin in enumerate(spins))))
-    own = trials.runs[0]
-    starts = np.array([_starts(plan, r, name, spin, settings) for r, spin in zip(trials.runs, spins, strict=True)])
-    sigma = _sigma(noise, plan, own)
-    forecasts = [_forecast(trials, c, starts, sigma) for c in contenders]
-    pairs = list(itertools.combinations(range(len(contenders)), 2))
-    count = starts.shape[0] * starts.shape[1]
-    separation = np.array([[_separation(forecasts[i], forecasts[j], e) for i, j in pairs] for e in range(count)])
-    separation = np.where(np.isfinite(separation), separation, 0.0)
-    chosen = int(np.argmax(separation.min(axis=1)))
-    watched, expected = _watch(own, contenders, forecasts, chosen, sigma)
-    of_spin, of_start = divmod(chosen, starts.shape[1])
-    state = dict(zip(own.labels, starts[of_spin, of_start], strict=True))
-    item = plan.world.object(name)
-
-    def vector(label: str, default: Sequence[float]) -> tuple[float, float, float]:
-        x, y, z = (float(state.get(f"{name}.{label}.{a}", default[i])) for i, a in enumerate("xyz"))
-        return x, y, z
-
+def _best_for(contenders: Sequence[Fitted], name: str, settings: GapSettings) -> Experiment:
+    trial = _laid_out(contenders[0].ground, name)
+    grid, pairs = _grid(contenders[0], trial, name), list(combinations(range(len(contenders)), 2))
+    starts, run = np.array(list(grid)), trial.recording.runs[0]
+    forecasts = [_forecast(trial, c, starts) for c in contenders]
+    sigmas = np.array([[_separation(forecasts[i], forecasts[j], e) for i, j in pairs] for e in range(len(starts))])
+    enough = float(np.sqrt(2.0 * settings.excluded))
+    best = int(np.lexsort((sigmas.min(axis=1), (sigmas >= enough).sum(axis=1)))[-1])
+    place, velocity, spin = (tuple(v.tolist()) for v in grid[tuple(starts[best].tolist())])
+    watch, expected = _watched(trial, [f.motion[best] for f in forecasts], forecasts[0].by_start[best])
+    names = _names(contenders)
+    titles = [" + ".join(own) or c.hypothesis.title for own, c in zip(names, contenders, strict=True)]
     return Experiment(
-        object=name,
-        position=vector("position", item.position),
-        velocity=vector("velocity", item.velocity),
-        angular_velocity=vector("angular_velocity", spins[of_spin].tolist()),
-        duration=float(own.times[-1]),
-        interval=float(own.times[1]),
-        separations=tuple(
-            Separation(contenders[i].names, contenders[j].names, float(separation[chosen, p]))
-            for p, (i, j) in enumerate(pairs)
-        ),
-        watch=watched,
-        forecasts=expected,
-        decides=bool(separation[chosen].min() >= settings.enough),
+        name,
+        place,
+        velocity,
+        spin,
+        float(run.times[-1] - run.times[0] + run.lead),
+        float(np.median(np.diff(run.times))),
+        watch,
+        dict(zip(titles, expected.tolist(), strict=True)),
+        tuple(Separation(names[i], names[j], float(s)) for (i, j), s in zip(pairs, sigmas[best], strict=True)),
+        bool(sigmas[best].min() >= enough),
     )
 
 
-def _states(run: RunDesign) -> dict[str, float]:
-    """Return all coordinates of a run's initial state by name, as the data suggest them."""
-    known = {f"{s.name}.{label}": v for s in run.states for label, v in s.known.items()}
-    return known | dict(zip(run.labels, run.start.tolist(), strict=True))
-
-
-def _vector_of(state: dict[str, float], name: str, label: str, default: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
-    return np.array([state.get(f"{name}.{label}.{a}", default[i]) for i, a in enumerate("xyz")])
-
-
-def _spins(plan: Design, name: str) -> list[Array]:
-    """Return the fastest spin (3,) of an object in any run, and its reverse; one where it does not spin."""
-    described = plan.world.object(name).angular_velocity
-    seen = [_vector_of(_states(r), name, "angular_velocity", described) for r in plan.runs]
-    spin = max(seen, key=lambda w: float(np.linalg.norm(w)))
-    return [spin, -spin] if np.any(spin) else [spin]
-
-
-def _blank_run(plan: Design, name: str, spin: Array, number: int) -> Run:
-    """Return a run sampled as the first one, in which an object has a spin."""
-    first, run = plan.runs[0], plan.runs[0].run
-    times: Array = np.arange(len(run.times), dtype=np.float64) * float(np.median(np.diff(run.times)))
-    # A fall, so that no body is taken for one at rest, which has fewer coordinates.
-    fall = 0.5 * np.asarray(plan.world.environment.gravity) * times[:, None] ** 2
-    positions = np.repeat(fall[:, None], len(run.names), axis=1)
-    orientations, spins = run.orientations.copy(), np.full(positions.shape, np.nan)
-    for column, other in enumerate(run.names):
-        measured = {(s.kind, s.axis) for s in first.series if s.name == other}
-        positions[:, column, [a for a in range(3) if ("position", a) not in measured]] = np.nan
-        if not any(kind == "rotation" for kind, _ in measured):
-            orientations[:, column] = np.nan
-        of_spin = [a for a in range(3) if ("spin", a) in measured]
-        given = spin if other == name else _vector_of(_states(first), other, "angular_velocity")
-        spins[:, column, of_spin] = given[of_spin]
-    return Run(
-        f"trial {number}",
-        run.names,
-        times,
-        positions,
-        orientations,
-        symmetry=run.symmetry,
-        angular_velocities=spins,
-    )
-
-
-def _sigma(noise: Noise, plan: Design, own: RunDesign) -> Array:
-    """Return noise levels (m,) of the new run: those of the same series of the first one."""
-    first = noise.sigma[0]
-    sigma = np.empty(own.length)
-    levels = {(s.name, s.kind, s.axis): float(np.median(first[s.where])) for s in plan.runs[0].series}
-    for s in own.series:
-        sigma[s.where] = levels[s.name, s.kind, s.axis]
-    return sigma
-
-
-def _starts(plan: Design, own: RunDesign, name: str, spin: Array, settings: ExperimentSettings) -> Array:
-    """Return initial-state coordinates (E, N) of the experiments tried with one object and one spin."""
-    states = [_states(r) for r in plan.runs]
-    fastest = max(*(float(np.linalg.norm(_vector_of(s, name, "velocity"))) for s in states), settings.slowest)
-    everywhere = np.concatenate([r.run.positions[:, r.run.names.index(name)] for r in plan.runs if name in r.run.names])
-    extent = float(np.nanmax(np.ptp(np.nan_to_num(everywhere, nan=0.0), axis=0)))
-    middle = np.nan_to_num(np.nanmedian(everywhere, axis=0))
-    flat = f"{name}.position.z" not in own.labels
+def _names(contenders: Sequence[Fitted]) -> list[tuple[str, ...]]:
+    """Return the names of each contender's effects, with labels where others have the same effects."""
     found = []
-    for speed, lift in itertools.product(settings.speeds, (0.0,) if flat else settings.lifts):
-        place = middle + np.array([0.0, 0.0, lift * extent])
-        rises = (0.0,) if flat else settings.rises
-        directions = [_direction(h, r) for h in settings.headings for r in rises] if speed else [np.zeros(3)]
-        for direction in directions:
-            vectors = {"position": place, "velocity": speed * fastest * direction, "angular_velocity": spin}
-            begin = {f"{name}.{k}.{a}": float(v[i]) for k, v in vectors.items() for i, a in enumerate("xyz")}
-            found.append([begin.get(label, states[0].get(label, 0.0)) for label in own.labels])
-    return np.array(found)
+    for c in contenders:
+        alike = sum(other.hypothesis.names == c.hypothesis.names for other in contenders) > 1
+        each = [(p.candidate.name, f" ({p.variant.label})" if p.variant.label else "") for p in c.hypothesis.parts]
+        found.append(tuple(name + label if alike else name for name, label in each))
+    return found
 
 
-def _direction(heading: float, rise: float) -> Array:
-    return np.array([np.cos(heading) * np.cos(rise), np.sin(heading) * np.cos(rise), np.sin(rise)])
+def _laid_out(ground: Ground, name: str) -> Ground:
+    """Return a run like the first one but for an object that falls: what is at rest has fewer coordinates."""
+    world, first = ground.world, ground.recording.runs[0]
+    column, since = first.names.index(name), (first.times - first.times[0])[:, None]
+    fall = np.asarray(world.object(name).position) + 0.5 * np.asarray(world.environment.gravity) * since**2
+    places = first.positions.copy()
+    places[:, column] = np.where(np.isfinite(places[:, column]), fall, np.nan)
+    run = replace(first, name=TRIAL, positions=places)
+    return ground.cut((run,), ground.noise[:1])
+
+
+def _state(fitted: Fitted, run: int, name: str) -> dict[str, float]:
+    """Return the initial state of a run as it was fitted, by coordinate, and that of an object in all components."""
+    states, item = fitted.ground.states[run], fitted.ground.world.object(name)
+    values = fitted.of_states()[run][: states.count]
+    described = {f"{name}.{k}.{a}": v for k in VECTORS for a, v in zip("xyz", getattr(item, k), strict=True)}
+    known = {path.removeprefix("objects."): float(v[0]) for path, v in states.overrides(values[None], {}).items()}
+    return described | known | dict(zip(states.labels, values.tolist(), strict=True))
+
+
+def _grid(fitted: Fitted, trial: Ground, name: str) -> dict[tuple[float, ...], tuple[Array, Array, Array]]:
+    """Return the initial states (N,) that are tried, each with the place, velocity and spin (3,) of the object."""
+    labels, gravity = trial.states[0].labels, np.asarray(trial.world.environment.gravity, dtype=float)
+    runs = [(r, run) for r, run in enumerate(fitted.ground.recording.runs) if name in run.names]
+    states = [_state(fitted, r, name) for r, _ in runs]
+    place, *_ = vectors = [[np.array([s[f"{name}.{k}.{a}"] for a in "xyz"]) for s in states] for k in VECTORS]
+    fastest, spin = (max(vectors[k], key=lambda v: float(np.linalg.norm(v))) for k in (1, 2))
+    speed = max(float(np.linalg.norm(fastest)), SLOWEST)
+    paths = np.concatenate([run.positions[:, run.names.index(name)] for _, run in runs])
+    extent = max(float(np.ptp(p[np.isfinite(p)])) for p in paths.T if np.isfinite(p).any())
+    axis = int(np.argmax(np.abs(gravity))) if gravity.any() else 2
+    up = np.eye(3)[axis] * (-1.0 if gravity[axis] > 0.0 else 1.0)
+    free = [a for a in range(3) if f"{name}.position.{'xyz'[a]}" in labels]
+    rises, lifts = (RISES, LIFTS) if axis in free else (RISES[:1], LIFTS[:1])
+    level = [sign * np.eye(3)[a] for a in free if a != axis for sign in (1.0, -1.0)]
+    headings = [np.cos(r) * e + np.sin(r) * up for e in level for r in rises] or [up, -up]
+    found: dict[tuple[float, ...], tuple[Array, Array, Array]] = {}
+    for times, heading, lift, sign in product(SPEEDS, headings, lifts, (1.0, -1.0)):
+        start = (place[0] + lift * extent * up, times * speed * heading, sign * spin)
+        own = dict(zip([f"{name}.{k}.{a}" for k in VECTORS for a in "xyz"], np.concatenate(start), strict=True))
+        found.setdefault(tuple(float((states[0] | own).get(label, 0.0)) for label in labels), start)
+    return found
 
 
 @dataclass(frozen=True)
 class _Forecast:
-    """Whitened motion (E, m), its derivatives by the start (E, m, N), and by the parameters, in units of what is known
-    of them (E, m, S)."""
+    """Motion (E, m) in standard deviations of the noise, NaN where it diverges, and how it changes with each coordinate
+    of the start (E, m, N), and along each direction (E, m, S) of the unknowns by a standard deviation of what is known.
+
+    left: what the fit leaves in standard deviations of the noise, as far as it is independent.
+    """
 
     motion: Array
     by_start: Array
-    by_parameter: Array
+    by_unknown: Array
+    left: float
 
 
-def _forecast(trials: Design, contender: Contender, starts: Array, sigma: Array) -> _Forecast:
-    """Roll out all starts (K, E, N) of K runs, each also with every coordinate and parameter changed a little."""
-    own = trials.runs[0]
-    n, s, (k, e) = own.count, len(contender.unknowns), starts.shape[:2]
-    # Directions in which the parameters are uncertain, one standard deviation long.
-    values, vectors = np.linalg.eigh(contender.covariance) if s else (np.zeros(0), np.zeros((0, 0)))
-    typical = np.array([u.typical for u in contender.unknowns])
-    roots = vectors * np.sqrt(np.clip(values, 0.0, (10.0 * typical.max(initial=0.0)) ** 2))
-    lower = np.array([u.lower for u in contender.unknowns])
-    upper = np.array([u.upper for u in contender.unknowns])
-    step = STATE_STEP * own.typical
-    shared = np.tile(contender.values, (k, e, 1 + n + s, 1))
-    states = np.repeat(starts[:, :, None], 1 + n + s, axis=2)
-    states[:, :, 1 + np.arange(n), np.arange(n)] += step
-    shared[:, :, 1 + n :] += PARAMETER_STEP * roots.T
-    shared = np.clip(shared, lower, upper)
-    forward = Forward(trials, contender.world, contender.unknowns)
-    settings = [Settings(r.index, shared[r.index].reshape(-1, s), states[r.index].reshape(-1, n)) for r in trials.runs]
-    motion = (np.concatenate(forward.residuals(settings)) / sigma).reshape(k * e, 1 + n + s, -1)
-    slopes = np.nan_to_num(motion[:, 1:] - motion[:, :1])
-    return _Forecast(
-        motion[:, 0],
-        np.swapaxes(slopes[:, :n] / step[:, None], 1, 2),
-        np.swapaxes(slopes[:, n:] / PARAMETER_STEP, 1, 2),
-    )
+def _forecast(trial: Ground, fitted: Fitted, starts: Array) -> _Forecast:
+    """Predict the motion from starts (E, N); laws that each run has by itself begin as in the first one."""
+    first, parts = fitted.ground.recording.runs[0].name, []
+    for part in fitted.hypothesis.parts:
+        unknowns = tuple(replace(u, run=TRIAL) if u.run == first else u for u in part.variant.unknowns)
+        parts.append(replace(part, variant=replace(part.variant, unknowns=unknowns)))
+    problem, values = trial.problem(replace(fitted.hypothesis, parts=tuple(parts))), fitted.values
+    ((block,),) = problem.runs
+    own = fitted.of_states()[0][fitted.ground.states[0].count :]
+    e, n, s = len(starts), block.states.count, len(values)
+    states = np.concatenate([starts, np.repeat(own[None], e, axis=0)], axis=1)
+    states = np.repeat(states[:, None], 1 + n + s, axis=1)
+    states[:, 1 + np.arange(n), np.arange(n)] += problem.settings.step * block.states.typical
+    ways = STEP * _uncertain(fitted)
+    beyond = ((values + ways < problem.lower) | (values + ways > problem.upper)).any(axis=1, keepdims=True)
+    shared = np.tile(values, (e, 1 + n + s, 1))
+    shared[:, 1 + n :] += np.where(beyond, -ways, ways)
+    job = (block, np.concatenate(shared), np.concatenate(states))
+    residuals = problem.evaluate([job], 1.0)[0].residuals
+    residuals[(residuals == LOST).all(axis=1)] = np.nan
+    motion = residuals.reshape(e, 1 + n + s, -1)
+    change = np.swapaxes(motion[:, 1:] - motion[:, :1], 1, 2)
+    left = fitted.scale / np.sqrt(max(independent_share(fitted), 1e-3))
+    return _Forecast(motion[:, 0], change[..., :n], change[..., n:] / STEP, float(left))
 
 
-def _off_starts(forecast: _Forecast, experiment: int, vectors: Array) -> Array:
+def _uncertain(fitted: Fitted) -> Array:
+    """Return the principal directions (S, S), by rows, in which shared unknowns are uncertain, a standard deviation
+    long."""
+    typical, share = fitted.problem.typical, max(independent_share(fitted), 1e-3)
+    information = reduced(fitted).information.sum(axis=0) * typical[:, None] * typical * share / fitted.scale**2
+    size, vectors = np.linalg.eigh(information + np.eye(len(typical)) / REACH**2)
+    found: Array = (vectors / np.sqrt(size)).T * typical
+    return found
+
+
+def _off_starts(by_start: Array, vectors: Array) -> Array:
     """Return vectors (m,) or (m, K) less what another start of the run can make up."""
-    basis, size, _ = np.linalg.svd(forecast.by_start[experiment], full_matrices=False)
+    basis, size, _ = np.linalg.svd(by_start, full_matrices=False)
     basis = basis[:, size > 1e-9 * size.max(initial=0.0)]
     rest: Array = vectors - basis @ (basis.T @ vectors)
     return rest
 
 
-def _separation(a: _Forecast, b: _Forecast, experiment: int) -> float:
-    """Return the part of the difference that neither start nor parameters can make up; the smaller of the two views."""
-    difference = a.motion[experiment] - b.motion[experiment]
-    if not np.all(np.isfinite(difference)):
+def _separation(a: _Forecast, b: _Forecast, start: int) -> float:
+    """Return the part of the difference that neither start nor unknowns can make up; the smaller of the two views."""
+    left = max(a.left, b.left)
+    wide = np.concatenate([a.by_unknown[start], b.by_unknown[start]], axis=1) / left
+    difference = (a.motion[start] - b.motion[start]) / left
+    if not all(np.isfinite(x).all() for x in (difference, wide, a.by_start[start], b.by_start[start])):
         return 0.0
     lengths = []
     for own in (a, b):
-        left = _off_starts(own, experiment, difference)
-        # Parameters are known to one standard deviation: moving them so far costs as much as a residual of one.
-        wide = np.concatenate([a.by_parameter[experiment], b.by_parameter[experiment]], axis=1)
-        wide = _off_starts(own, experiment, wide)
-        moves = np.linalg.solve(wide.T @ wide + np.eye(wide.shape[1]), wide.T @ left)
-        lengths.append(float(np.sqrt(max(float(left @ (left - wide @ moves)), 0.0))))
+        rest, moves = (_off_starts(own.by_start[start], x) for x in (difference, wide))
+        # Unknowns are known to one standard deviation: moving them so far costs as much as a residual of one.
+        answer = np.linalg.solve(moves.T @ moves + np.eye(moves.shape[1]), moves.T @ rest)
+        lengths.append(float(np.sqrt(max(float(rest @ (rest - moves @ answer)), 0.0))))
     return min(lengths)
 
 
-def _watch(
-    own: RunDesign, contenders: Sequence[Contender], forecasts: list[_Forecast], chosen: int, sigma: Array
-) -> tuple[str, dict[str, float]]:
-    """Return the component and instant of the first pair's greatest difference, and what each contender expects there.
+def _watched(trial: Ground, motions: Sequence[Array], by_start: Array) -> tuple[str, Array]:
+    """Return the component and instant of the first pair's greatest difference, and what contenders expect there.
 
-    It counts as far as the forecasts are apart, and as far as another start cannot make that up.
+    It counts as far as the forecasts differ, and as far as another start cannot make that up.
     """
-    difference = forecasts[0].motion[chosen] - forecasts[1].motion[chosen]
-    left = np.abs(np.nan_to_num(_off_starts(forecasts[0], chosen, difference)))
-    at = int(np.argmax(np.minimum(left, np.abs(np.nan_to_num(difference)))))
-    series = next(s for s in own.series if s.where.start <= at < s.where.stop)
-    time = own.times[series.rows[at - series.where.start]]
-    label = f"{series.kind}.{'xyz'[series.axis]} of {series.name} at {time:.3g} s"
-    return label, {
-        " + ".join(c.names): float(f.motion[chosen, at] * sigma[at]) for c, f in zip(contenders, forecasts, strict=True)
-    }
+    difference = np.nan_to_num(motions[0] - motions[1])
+    left = np.abs(_off_starts(np.nan_to_num(by_start), difference))
+    at = int(np.argmax(np.minimum(left, np.abs(difference))))
+    run, readout = trial.recording.runs[0], trial.readouts[0]
+    row, channel = int(readout.rows()[at]), int(readout.columns()[at])
+    column, kind, axis = channel // CHANNELS, channel % CHANNELS // 3, channel % 3
+    measured = (run.positions, np.zeros_like(run.positions), run.angular_velocities)[kind][row, column, axis]
+    expected: Array = measured + readout.sigma[channel] * np.array([m[at] for m in motions])
+    time = run.times[row] - run.times[0] + run.lead
+    return f"{KINDS[kind]}.{'xyz'[axis]} of {run.names[column]} at {time:.3g} s", expected

@@ -1,190 +1,263 @@
-"""Data held out: which part of a recording no step sees before the verdict, and the gap that a world leaves there."""
+"""Predict every fold of the data without it: parameters by one Gauss-Newton step, initial states from what is left.
+
+Where there are runs enough a fold is a run: shared unknowns without it, its own initial state refitted to it, since
+that belongs to no law. Of fewer runs a fold is a stretch of one; the run's single initial state, from which the
+stretch follows by the chain of all motion before, is then estimated from the rest of the run.
+"""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.data.recording import Recording, Run
-from polyworld.estimation import profile
-from polyworld.estimation.design import Design, design
-from polyworld.estimation.forward import Forward, Settings
-from polyworld.estimation.noise import UNITS, Noise, first_kind, measured_noise
-from polyworld.estimation.run_segments import in_segments
-from polyworld.gap.settings import HoldOutSettings
-from polyworld.world import World
+from polyworld.estimation.run_readout import CHANNELS
+from polyworld.gap.fitting import Fitted, robust_scale, weights
+from polyworld.gap.ground import Ground
+from polyworld.gap.settings import GapSettings
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+TRIMMED = 5.0  # robust standard deviations of a run's residuals to which single ones are cut
+REFITS = 3  # of the initial state of a run left out
+FARTHEST = 100.0  # ordinary changes by which one step may move it: linear steps of what hardly shows go anywhere
+CHORDS = 2  # further steps without a stretch, with the slopes of the fit
+SPINS = 6  # channel from which on those of an object are spins
+FEW = 0.1  # share of a run's values below which spins are no series
+RIDGE = 1e-9  # of the diagonal
 
 
 @dataclass(frozen=True)
-class Split:
-    """A recording split into what is fitted and what is held out, None where nothing could be spared.
+class Fold:
+    """A run, or the instants first to last (excluded) of one. whole: whether it is all of it."""
 
-    summary: what was done, for readers. into [s]: how long after the world's time 0 the held-out part begins, where it
-    is the later part of a run.
-    """
-
-    fitted: Recording
-    held_out: Recording | None
-    summary: str
-    into: float = 0.0
-
-    def held_out_world(self, world: World) -> World:
-        """Return the world as it is when the held-out part begins: objects that joined before are there."""
-        if self.into == 0.0:
-            return world
-        document = world.model_dump()
-        for item in (*document["objects"], *document["deformables"]):
-            if item.get("start_time"):
-                item["start_time"] = max(item["start_time"] - self.into, 0.0)
-        return World.model_validate(document)
+    run: int
+    first: int
+    last: int
+    whole: bool
 
 
-def hold_out(
-    recording: Recording,
-    runs: Sequence[str] | None = None,
-    *,
-    begin: float | None = None,
-    settings: HoldOutSettings | None = None,
-) -> Split:
-    """Hold out the runs named; by default the last quarter of three or more runs, or of the time of the only run.
-
-    Of several runs that show different objects, those are held out whose objects other runs show too. begin [s]: from
-    when on the only run is held out instead. Raises KeyError for unknown runs, ValueError where nothing would be left
-    to fit.
-    """
-    settings = settings or HoldOutSettings()
-    if runs is not None and not runs:
-        return Split(recording, None, "nothing sealed, as asked")
-    if runs is not None:
-        return _of_runs(recording, tuple(runs), "as asked")
-    if len(recording.runs) == 1:
-        return _of_time(recording.runs[0], begin, settings)
-    chosen = _spare(recording, settings)
-    if chosen:
-        return _of_runs(recording, chosen, "the last of those whose objects other runs show too")
-    return Split(recording, None, f"nothing sealed: {len(recording.runs)} runs, of which none can be spared")
+def folds_of(ground: Ground, settings: GapSettings) -> tuple[Fold, ...]:
+    """Return the folds of a ground."""
+    runs = ground.recording.runs
+    if len(runs) >= settings.fewest_runs:
+        return tuple(Fold(r, 0, len(run.times), True) for r, run in enumerate(runs))
+    found = []
+    lengths = np.array([len(r.times) for r in runs])
+    for r, run in enumerate(runs):
+        number = max(2, round(settings.folds * len(run.times) / float(lengths.sum())))
+        edges = np.linspace(0, len(run.times), number + 1).astype(int)
+        found += [Fold(r, int(a), int(b), False) for a, b in itertools.pairwise(edges)]
+    return tuple(found)
 
 
-def _of_runs(recording: Recording, names: tuple[str, ...], why: str) -> Split:
-    held_out = recording.select(names)
-    left = tuple(r for r in recording.runs if r.name not in names)
-    if not left:
-        raise ValueError("all runs would be sealed: leave at least one to fit")
-    return Split(Recording(left), held_out, f"sealed runs {list(names)}, {why}")
-
-
-def _spare(recording: Recording, settings: HoldOutSettings) -> tuple[str, ...]:
-    left = list(recording.runs)
-    chosen: list[str] = []
-    most = max(1, round(settings.share * len(left))) if len(left) >= settings.fewest_runs else 0
-    for run in reversed(recording.runs):
-        others = {n for r in left if r is not run for n in r.names}
-        if len(chosen) < most and set(run.names) <= others:
-            left.remove(run)
-            chosen.append(run.name)
-    return tuple(reversed(chosen))
-
-
-def _of_time(run: Run, begin: float | None, settings: HoldOutSettings) -> Split:
-    count = len(run.times)
-    late = round(settings.share * count) if begin is None else int(np.sum(run.times >= begin - 1e-9))
-    if min(late, count - late) < settings.fewest_instants:
-        return Split(Recording((run,)), None, f"nothing sealed: {count} instants are too few to divide")
-    early = np.arange(count) < count - late
-    first = float(run.times[count - late])
-    later = replace(run.rows(~early), name=f"{run.name}-later", lead=0.0)
-    summary = f"sealed the time from {first:.6g} s on, with an initial state of its own"
-    return Split(Recording((run.rows(early),)), Recording((later,)), summary, first - run.origin)
+def predict_left_out(fitted: Fitted, folds: Sequence[Fold]) -> None:
+    """Fill in what a hypothesis predicts of every fold without it."""
+    settings = fitted.ground.settings
+    if all(f.whole for f in folds):
+        _by_runs(fitted)
+    else:
+        _by_stretches(fitted, folds)
+    fitted.simplicity = fitted.hypothesis.cost(settings)
+    fitted.price = fitted.simplicity + fitted.hypothesis.surprise(fitted.values, settings)
 
 
 @dataclass(frozen=True)
-class HeldOutGap:
-    """Root-mean-square residuals of positions [m] (else of orientations [rad] or spins [rad/s]) beyond the noise.
+class Reduced:
+    """Normal equations of shared unknowns by run, states eliminated: information (R, S, S), pull (R, S) towards less
+    misfit; steps of the states where shared ones stay (R of (n,)), and their answers to shared ones (R of (n, S))."""
 
-    noise_floor: the noise itself. closed: share of the gap that the effect closes, 1 - gap_after / gap_before; None
-    where there was none to close.
+    information: Array
+    pull: Array
+    steps: list[Array]
+    answers: list[Array]
+
+
+def reduced(fitted: Fitted) -> Reduced:
+    """Eliminate the initial states of every run."""
+    s = len(fitted.values)
+    runs = len(fitted.slopes)
+    information, pull = np.zeros((runs, s, s)), np.zeros((runs, s))
+    steps, answers = [], []
+    threshold = fitted.problem.settings.huber
+    for r, (one, states) in enumerate(zip(fitted.slopes, fitted.of_states(), strict=True)):
+        w = weights(one.residuals, threshold)
+        prior = fitted.problem.runs[r][0].states.prior
+        yw = one.states * w[:, None]
+        own = yw.T @ one.states
+        scaled = fitted.scale**2 * np.where(np.isfinite(prior[:, 1]), prior[:, 1], np.inf) ** -2.0
+        own[np.diag_indices(len(own))] += scaled + RIDGE * (np.diag(own).max(initial=0.0) + 1e-12)
+        gradient = yw.T @ one.residuals + scaled * np.where(scaled > 0.0, states - prior[:, 0], 0.0)
+        border = yw.T @ one.shared
+        both = np.linalg.solve(own, np.concatenate([gradient[:, None], border], axis=1))
+        steps.append(-both[:, 0])
+        answers.append(-both[:, 1:])
+        aw = one.shared * w[:, None]
+        information[r] = aw.T @ one.shared - border.T @ both[:, 1:]
+        pull[r] = -(aw.T @ one.residuals - border.T @ both[:, 0])
+    return Reduced(information, pull, steps, answers)
+
+
+def shared_step(fitted: Fitted, information: Array, pull: Array) -> Array:
+    """Return the step (S,) of shared unknowns that normal equations ask for, within bounds."""
+    lower, upper, at = fitted.problem.lower, fitted.problem.upper, fitted.values
+    typical = fitted.problem.typical
+    matrix = information * typical[:, None] * typical + fitted.scale**2 * 1e-6 * np.eye(len(at))
+    return bounded_step(matrix, pull * typical, at, lower, upper, typical) - at
+
+
+def bounded_step(matrix: Array, pull: Array, at: Array, lower: Array, upper: Array, typical: Array) -> Array:
+    """Return where normal equations in units of typical (n,) lead within bounds: what a bound stops takes no part."""
+    free = np.ones(len(at), dtype=bool)
+    moved = at.copy()
+    for _ in range(3):
+        if not free.any():
+            break
+        moved = at.copy()
+        moved[free] += typical[free] * np.linalg.lstsq(matrix[np.ix_(free, free)], pull[free], rcond=1e-12)[0]
+        beyond = ((moved < lower) & (at <= lower)) | ((moved > upper) & (at >= upper))
+        if not beyond[free].any():
+            break
+        free &= ~beyond
+    clipped: Array = np.clip(moved, lower, upper)
+    return clipped
+
+
+def _by_runs(fitted: Fitted) -> None:
+    found = reduced(fitted)
+    runs = len(fitted.slopes)
+    shared = np.repeat(fitted.values[None], runs, axis=0)
+    states = []
+    total, pull = found.information.sum(axis=0), found.pull.sum(axis=0)
+    for r in range(runs):
+        step = shared_step(fitted, total - found.information[r], pull - found.pull[r])
+        shared[r] += step
+        most = FARTHEST * fitted.problem.runs[r][0].states.typical
+        states.append(fitted.of_states()[r] + np.clip(found.steps[r] + found.answers[r] @ step, -most, most))
+    errors, residuals = refit_states(fitted, shared, states)
+    fitted.errors, fitted.left_out = errors, shared
+    fitted.grids = tuple(g.grid(x) for g, x in zip(fitted.ground.readouts, residuals, strict=True))
+
+
+def refit_states(
+    fitted: Fitted, shared: Array, states: Sequence[Array], refits: int = REFITS
+) -> tuple[Array, list[Array]]:
+    """Refit the initial state of each run at shared unknowns (R, S) of its own; return its errors (R,), residuals."""
+    problem = fitted.problem
+    best = np.full(len(states), np.inf)
+    kept = [one.residuals for one in fitted.slopes]
+    columns = [g.columns() for g in fitted.ground.readouts]
+    states = [s.copy() for s in states]
+    for turn in range(refits + 1):
+        settings, widths = [], []
+        for run, common, own in zip(problem.runs, shared, states, strict=True):
+            n = len(own) if turn < refits else 0
+            step = 2.0 * run[0].states.typical[:n] * problem.settings.step
+            points = np.repeat(own[None], n + 1, axis=0)
+            points[1 + np.arange(n), np.arange(n)] += step
+            settings.append((run[0], np.repeat(common[None], n + 1, axis=0), points))
+            widths.append(step)
+        for r, (one, width) in enumerate(zip(problem.evaluate(settings, 1.0), widths, strict=True)):
+            residual = one.residuals[0]
+            error = run_error(residual, len(states[r]), columns[r])
+            if error < best[r]:
+                best[r], kept[r] = error, residual
+            if not len(width):
+                continue
+            slopes = ((one.residuals[1:] - residual) / width[:, None]).T
+            prior = problem.runs[r][0].states.prior
+            inverse = np.where(np.isfinite(prior[:, 1]), prior[:, 1], np.inf) ** -2.0
+            w = weights(residual, fitted.ground.settings.soft * max(1.0, robust_scale(residual, columns[r])))
+            own_matrix = (slopes * w[:, None]).T @ slopes
+            diagonal = np.diag(own_matrix)
+            own_matrix = own_matrix + np.diag(inverse + 1e-6 * diagonal + 1e-9 * diagonal.max() + 1e-12)
+            pull = (slopes * w[:, None]).T @ residual + inverse * np.where(inverse > 0.0, states[r] - prior[:, 0], 0.0)
+            most = FARTHEST * problem.runs[r][0].states.typical
+            states[r] = states[r] - np.clip(np.linalg.solve(own_matrix, pull), -most, most)
+    return best, kept
+
+
+def run_error(residuals: Array, states: int, columns: Ints) -> float:
+    """Return the root mean square of residuals (m,), the largest trimmed, for so many fitted states; of spins where
+    these are described worse. columns (m,): the channel of each."""
+    size = np.abs(residuals)
+    trimmed = np.minimum(size, TRIMMED * robust_scale(residuals, columns) + 1e-12)
+    spins = columns % CHANNELS >= SPINS
+    if not FEW * len(size) < spins.sum() < len(size):
+        return float(np.sqrt((trimmed**2).sum() / max(len(size) - states, 1)))
+    rest = float(np.sqrt((trimmed[~spins] ** 2).sum() / max((~spins).sum() - states, 1)))
+    return max(rest, float(np.sqrt(np.mean(trimmed[spins] ** 2))))
+
+
+def _by_stretches(fitted: Fitted, folds: Sequence[Fold]) -> None:
+    """Leave stretches out of runs whose initial states are then estimated without them.
+
+    Steps take the slopes of the fit; the rest of the runs is simulated again after each, since collisions bend them.
     """
-
-    gap_before: float
-    gap_after: float
-    noise_floor: float
-    closed: float | None
-    unit: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready values."""
-        return asdict(self)
-
-    @property
-    def contradicts(self) -> str | None:
-        """In words, that a world which explains the fitted data does not explain these; None where it does."""
-        if not self.gap_after > max(self.noise_floor, self.gap_before - self.gap_after):
-            return None  # it is noise, or more of the gap was closed than is left
-        return (
-            f"the sealed data do not support this: of a gap of {self.gap_before:.3g} {self.unit} there "
-            f"{self.gap_after:.3g} {self.unit} are left, with a noise of {self.noise_floor:.3g} {self.unit}; what "
-            "explains the data fitted is not all that acts, or not what does"
-        )
-
-
-def held_out_gap(before: World, after: World, recording: Recording, known: Noise | None = None) -> HeldOutGap:
-    """Measure the gap on held-out runs before and after: what runs share stays as fitted, initial states are fitted.
-
-    Each run, and each part of a long one, has an initial state of its own. known: noise of the same measurements in
-    other runs, which is no less in these: few samples hide its correlation.
-    """
-    worlds = (before, after)
-    cut = in_segments(recording, *worlds)
-    plans = [design(world, cut) for world in worlds]
-    plan = plans[0]
-    noise = measured_noise(plan)
-    kind = first_kind(plan.series)
-    floor = _noise_level(plan, noise, kind)
-    if known is not None:
-        levels = [level.sigma**2 for level in known.levels if level.kind == kind]
-        floor = max(floor, float(np.sqrt(np.mean(levels)))) if levels else floor
-    forwards = [Forward(p, world, ()) for p, world in zip(plans, worlds, strict=True)]
-    none, horizons = np.zeros(0), profile.horizons_for(plan)
-    fits = [profile.fit(f, noise, none, profile.start_states(f.design), horizons=horizons) for f in forwards]
-    gaps = []
-    for forward, own, other, theirs in zip(forwards, fits, reversed(fits), reversed(plans), strict=True):
-        # Neither world is to lose by a fit that was trapped.
-        again = profile.fit(forward, noise, none, _carried(forward.design, theirs, other.states))
-        gaps.append(_beyond_noise(forward.design, forward, min(own, again, key=lambda f: f.chi2), kind, floor))
-    closed = 1.0 - gaps[1] / gaps[0] if gaps[0] > 0.0 else None
-    return HeldOutGap(gaps[0], gaps[1], floor, closed, UNITS[kind])
+    problem, s, ground = fitted.problem, len(fitted.values), fitted.ground
+    first = s + np.concatenate([[0], np.cumsum([len(own) for own in fitted.of_states()])]).astype(int)
+    typical = np.concatenate([problem.typical, *(run[0].states.typical for run in problem.runs)])
+    bounds = [
+        np.concatenate([b, np.full(first[-1] - s, e)]) for b, e in ((problem.lower, -np.inf), (problem.upper, np.inf))
+    ]
+    slopes = []
+    for r, one in enumerate(fitted.slopes):
+        own = np.zeros((len(one.residuals), first[-1]))
+        own[:, :s], own[:, first[r] : first[r + 1]] = one.shared, one.states
+        slopes.append(own * typical)
+    vague = 1e-6 * np.eye(first[-1])  # unknowns are no vaguer than a thousand ordinary changes
+    fits, expected = [], []
+    for fold in folds:
+        kept = [~_inside(ground, fold) if r == fold.run else np.ones(len(own), bool) for r, own in enumerate(slopes)]
+        w = [weights(one.residuals, problem.settings.huber) * k for one, k in zip(fitted.slopes, kept, strict=True)]
+        matrix = np.sum([(own * v[:, None]).T @ own for own, v in zip(slopes, w, strict=True)], axis=0)
+        left = slopes[fold.run][~kept[fold.run]]
+        spread = np.einsum("ms,st,mt->m", left, np.linalg.pinv(matrix + vague, hermitian=True), left)
+        expected.append(float(np.sqrt(1.0 + spread.mean())) if len(left) else 1.0)
+        fits.append((w, matrix + fitted.scale**2 * vague))
+    points = np.repeat(np.concatenate([fitted.values, *fitted.of_states()])[None], len(folds), axis=0)
+    residuals = [[one.residuals for one in fitted.slopes] for _ in folds]
+    costs = np.full(len(folds), np.inf)
+    for turn in range(CHORDS + 1):
+        trial = points.copy()
+        for k, (w, matrix) in enumerate(fits):
+            pull = -sum(
+                ((own * v[:, None]).T @ x for own, v, x in zip(slopes, w, residuals[k], strict=True)),
+                np.zeros(first[-1]),
+            )
+            trial[k] = bounded_step(matrix, pull, points[k], bounds[0], bounds[1], typical)
+        jobs = [(run[0], trial[:, :s], trial[:, first[r] : first[r + 1]]) for r, run in enumerate(problem.runs)]
+        evaluated = problem.evaluate(jobs, 1.0)
+        for k, (w, _) in enumerate(fits):
+            now = [one.residuals[k] for one in evaluated]
+            cost = sum(float(v @ x**2) for v, x in zip(w, now, strict=True))
+            if turn == 0 or cost < costs[k]:
+                points[k], residuals[k], costs[k] = trial[k], now, cost
+    grids = [np.full(g.measured.shape, np.nan) for g in ground.readouts]
+    errors = np.zeros(len(folds))
+    for k, fold in enumerate(folds):
+        rows, readout = _inside(ground, fold), ground.readouts[fold.run]
+        errors[k] = run_error(residuals[k][fold.run][rows], 0, readout.columns()[rows])
+        grids[fold.run][fold.first : fold.last] = readout.grid(residuals[k][fold.run])[fold.first : fold.last]
+    fitted.errors, fitted.grids, fitted.expected = errors, tuple(grids), np.array(expected)
+    fitted.left_out = points[:, :s]
 
 
-def _carried(plan: Design, other: Design, states: Sequence[Array]) -> tuple[Array, ...]:
-    """Return initial states of another design of the same runs, as far as they are coordinates of this one too."""
-    carried = []
-    for own, theirs, known in zip(plan.runs, other.runs, states, strict=True):
-        fitted = dict(zip(theirs.labels, known, strict=True))
-        carried.append(np.array([fitted.get(label, v) for label, v in zip(own.labels, own.start, strict=True)]))
-    return tuple(carried)
+def _inside(ground: Ground, fold: Fold) -> NDArray[np.bool_]:
+    rows = ground.readouts[fold.run].rows()
+    inside: NDArray[np.bool_] = (rows >= fold.first) & (rows < fold.last)
+    return inside
 
 
-def _noise_level(plan: Design, noise: Noise, kind: str) -> float:
-    levels = [noise.sigma[s.run][s.where] for s in plan.series if s.kind == kind]
-    return float(np.sqrt(np.mean(np.concatenate(levels) ** 2)))
-
-
-def _beyond_noise(plan: Design, forward: Forward, fit: profile.Fit, kind: str, floor: float) -> float:
-    """Return the residual's mean square, corrected for the initial states fitted, less the noise's; as a root."""
-    settings = [Settings(r.index, np.zeros((1, 0)), fit.states[r.index][None]) for r in plan.runs]
-    total, count = 0.0, 0
-    for r, raw in zip(plan.runs, forward.residuals(settings), strict=True):
-        for s in r.series:
-            if s.kind == kind:
-                total += float(np.sum(raw[0, s.where] ** 2))
-                count += len(s.rows)
-    fitted = sum(r.count for r in plan.runs) * count / plan.length  # unknowns that these components paid for
-    if not np.isfinite(total):
-        return float("inf")
-    return float(np.sqrt(max(total / max(count - fitted, 1.0) - floor**2, 0.0)))
+def fold_counts(ground: Ground, folds: Sequence[Fold]) -> Array:
+    """Return how many values (F,) each fold has, of spins only where nothing else was measured."""
+    found = []
+    for fold in folds:
+        columns = ground.readouts[fold.run].columns()[_inside(ground, fold)]
+        rest = float((columns % CHANNELS < SPINS).sum())
+        found.append(rest or float(len(columns)))
+    return np.array(found)

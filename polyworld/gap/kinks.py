@@ -21,7 +21,8 @@ JUMP = 0.15  # of the typical speed that it has to have
 
 @dataclass(frozen=True)
 class Kink:
-    """A sudden change of a body's velocity [m/s] at a time [s] and place (3,) [m], where nothing known is in reach."""
+    """A sudden change of a body's velocity [m/s] at a time [s] and place (3,) [m], where nothing known is in reach.
+    sigma [m/s]: noise of a component of the change."""
 
     run: int
     name: str
@@ -29,11 +30,17 @@ class Kink:
     place: Array
     before: Array
     after: Array
+    sigma: float
 
     @property
     def jump(self) -> Array:
         """Change of the velocity (3,) [m/s]."""
         return self.after - self.before
+
+    @property
+    def sigmas(self) -> float:
+        """Size of the change in standard deviations of its noise."""
+        return float(np.linalg.norm(self.jump)) / max(self.sigma, 1e-300)
 
     @property
     def direction(self) -> Array:
@@ -77,9 +84,14 @@ def _kinks_of(world: World, track: Track, others: Sequence[Track], speed: float)
     before, after = velocity[:count] + free * window * step / 2, velocity[window:] - free * window * step / 2
     size = np.linalg.norm(after - before, axis=1)
     size[~np.isfinite(size)] = 0.0
+    if count > 2 * window:  # a steady force changes the velocity as much before and after
+        sides = np.full((2, count), np.inf)
+        sides[0, window:], sides[1, :-window] = size[:-window], size[window:]
+        size = size - sides.min(axis=0)
     span = sliding_span(track.times, window, step)
     size[~span[:count]] = 0.0
-    limit = max(SURE * _jump_noise(track.noise, window, step), JUMP * speed)
+    noise = _jump_noise(track.noise, window, step)
+    limit = max(SURE * noise, JUMP * speed)
     explained = touching(world, track, margin=speed * step) | _near_others(world, track, others, speed * step)
     found: list[Kink] = []
     while size.max(initial=0.0) > limit:
@@ -93,7 +105,8 @@ def _kinks_of(world: World, track: Track, others: Sequence[Track], speed: float)
         # Where the two lines meet: mean places half a window away, carried on with the velocities.
         half = (window / 2) * step
         place = (mean[k] + half * velocity[k] + mean[k + window] - half * velocity[k + window]) / 2
-        found.append(Kink(track.run, track.name, float(track.times[middle] - step / 2), place, before[k], after[k]))
+        time = float(track.times[middle] - step / 2)
+        found.append(Kink(track.run, track.name, time, place, before[k], after[k], noise))
     return found
 
 

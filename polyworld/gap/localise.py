@@ -1,37 +1,32 @@
-"""Where a fit and the data disagree: by run, object, time, phase of motion, region, speed and axis.
-
-Residuals are whitened, freed of all fitted directions and smoothed to their low cosine modes. What such residuals carry
-more than noise would is shared out over the levels of every factor.
-"""
+"""Say where the gap is: squared residuals over those of noise, by run, object, time, phase, place, speed and axis."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.design import POSITION_AXES, Design, owner
-from polyworld.estimation.goodness import MODES, cosines, projected
-from polyworld.estimation.noise import Noise
-from polyworld.estimation.profile import Fit
-from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.run_readout import CHANNELS, owner
+from polyworld.gap.fitting import Fitted
 from polyworld.gap.onset import Onset, onsets
 from polyworld.gap.phases import motions
-from polyworld.gap.settings import LocaliseSettings
 
 Array = NDArray[np.float64]
 Texts = NDArray[np.str_]
 
 FACTORS = ("run", "object", "time", "phase", "region", "speed", "axis")
+PARTS = 6  # of every run's time
+CELLS = 3  # of the region along each of its two longest sides
+CLEAR = 3.0  # standard errors that count as a difference
+AXES = [f"{kind} {axis}" for kind in ("position", "rotation", "spin") for axis in "xyz"]
 
 
 @dataclass(frozen=True)
 class Level:
-    """One level of a factor. ratio: energy of the smooth residuals there over that of noise, 1 where nothing is
-    missing; error: its standard error; share: of the whole excess over noise, 0 where there is none; samples: how many
+    """One level of a factor. ratio: mean squared residual there over that of noise, 1 where nothing is missing; error:
+    its standard error in noise; share: of the whole excess over noise, 0 where there is none; samples: how many
     measured components."""
 
     level: str
@@ -45,38 +40,35 @@ class Level:
 class Localisation:
     """Where the gap is.
 
-    ratio, error: overall energy of the smooth residuals over that of noise. factors: name -> levels, largest ratio
-    first. onsets: earliest first. clear: standard errors that count as a difference.
+    ratio: mean squared residual over that of noise. noisy: up to which it counts as noise. factors: name -> levels,
+    largest ratio first. onsets: earliest first.
     """
 
     ratio: float
-    error: float
+    noisy: float
     factors: dict[str, tuple[Level, ...]]
     onsets: tuple[Onset, ...]
-    clear: float
 
     def summary(self) -> str:
         """Describe in words where the gap is."""
-        if self.ratio < 1.0 + self.clear * self.error:
-            return f"On the whole, residuals are those of noise (smooth part {self.ratio:.2g} times noise)."
-        text = f"Smooth residuals are {self.ratio:.3g} times those of noise"
+        if self.ratio < self.noisy:
+            return f"On the whole, residuals are those of noise (their squares {self.ratio:.2g} times noise)."
+        text = f"Squared residuals are {self.ratio:.3g} times those of noise"
         contrasts = []
         for name, levels in self.factors.items():
             if len(levels) < 2:
                 continue
             most, least = levels[0], levels[-1]
-            difference = most.ratio - least.ratio
-            if difference > max(self.clear * np.hypot(most.error, least.error), least.ratio):
+            if most.ratio - least.ratio > max(CLEAR * np.hypot(most.error, least.error), least.ratio):
                 contrasts.append(
                     f"by {name} most at {most.level} ({most.ratio:.3g}), least at {least.level} ({least.ratio:.3g})"
                 )
         text += "; " + "; ".join(contrasts) if contrasts else ", alike in all runs, objects, phases, regions and speeds"
         if self.onsets:
-            first = self.onsets[0]
-            count = len({o.run for o in self.onsets})
+            first, count = self.onsets[0], len({o.run for o in self.onsets})
             text += (
-                f". {count} {'run shows' if count == 1 else 'runs show'} when it begins, the earliest {first.name} in "
-                f"run {first.run} at {first.time:.3g} s"
+                f". {count} {'run shows' if count == 1 else 'runs show'} when it begins, the earliest {first.name} "
+                f"in run {first.run} at {first.time:.3g} s"
             )
         return text + "."
 
@@ -84,89 +76,54 @@ class Localisation:
         """Return the localisation as plain data."""
         return {
             "ratio": self.ratio,
-            "error": self.error,
             "factors": {name: [asdict(level) for level in levels] for name, levels in self.factors.items()},
             "onsets": [o.to_json() for o in self.onsets],
             "summary": self.summary(),
         }
 
 
-def localise(
-    design: Design,
-    noise: Noise,
-    fit: Fit,
-    *,
-    unknowns: Sequence[Unknown] = (),
-    settings: LocaliseSettings | None = None,
-) -> Localisation:
-    """Share the residuals of a fit out over the factors.
-
-    unknowns: those fitted, whose values then move the world that gives phases and speeds; without them it moves as
-    `design.world` does from the fitted initial states.
-    """
-    settings = settings or LocaliseSettings()
-    whitened, _, _ = projected(fit)
-    labels: dict[str, list[Texts]] = {name: [] for name in FACTORS}
-    energy, expected = [], []
-    moved = [motions(design, r, fit.values, fit.states[r.index], unknowns, settings) for r in design.runs]
-    box = _box(design, settings.cells)
+def localise(fitted: Fitted) -> Localisation:
+    """Share the residuals of a fit out over the factors."""
+    ground = fitted.ground
+    moved = [motions(fitted, r) for r in range(len(ground.recording.runs))]
+    box = _box(fitted)
     speeds = np.concatenate([m.speeds for motion in moved for m in motion.values()])
     thirds = np.quantile(speeds[np.isfinite(speeds)], np.linspace(0.0, 1.0, 4))
-    for r, motion in zip(design.runs, moved, strict=True):
-        parts = np.linspace(r.times[0], r.times[-1], settings.parts + 1)
-        for s in r.series:
-            kept = np.flatnonzero(noise.kept[r.index][s.where])
-            count = min(MODES, len(kept) // 3)
-            if count < 1:
-                continue
-            rows = s.rows[kept]
-            q = cosines(r.times[rows], count)
-            energy.append((q @ (q.T @ whitened[r.index][kept + s.where.start])) ** 2)
-            expected.append((q**2).sum(axis=1))
-            here = motion[s.name]
-            sides = [_binned(here.positions[rows, a], e, f"{POSITION_AXES[a]} ", "m") for a, e in box.items()]
-            found = {
-                "run": _same(r.run.name, len(rows)),
-                "object": _same(owner(s.name), len(rows)),
-                "time": _binned(r.times[rows], parts, "", "s"),
-                "phase": here.phases[rows],
-                "region": np.char.add(np.char.add(sides[0], ", "), sides[1]),
-                "speed": _binned(here.speeds[rows], thirds, "", "m/s"),
-                "axis": _same(f"{s.kind} {POSITION_AXES[s.axis]}", len(rows)),
-            }
-            for name, texts in found.items():
-                labels[name].append(texts)
-    if not energy:
-        return Localisation(float("nan"), float("nan"), {}, (), settings.clear)
-    e, x = np.concatenate(energy), np.concatenate(expected)
-    whole = max(float(e.sum() - x.sum()), 0.0)
-    factors = {name: _levels(np.concatenate(texts), e, x, whole) for name, texts in labels.items()}
-    begins = [o for r in design.runs for o in onsets(r, fit, noise.kept[r.index], settings)]
-    ratio = float(e.sum() / x.sum())
-    return Localisation(
-        ratio,
-        float(np.sqrt(2.0 / x.sum())),
-        factors,
-        tuple(sorted(begins, key=lambda o: (o.time, o.run, o.name))),
-        settings.clear,
-    )
+    labels: dict[str, list[Texts]] = {name: [] for name in FACTORS}
+    squares, freedom = [], []
+    for r, (run, readout, motion) in enumerate(zip(ground.recording.runs, ground.readouts, moved, strict=True)):
+        residuals, rows, columns = fitted.slopes[r].residuals, readout.rows(), readout.columns()
+        times = run.times - run.times[0] + run.lead
+        parts = np.linspace(times[0], times[-1], PARTS + 1)
+        squares.append(residuals**2)
+        freedom.append(np.full(len(residuals), max(1.0 - len(fitted.of_states()[r]) / len(residuals), 0.1)))
+        whom = columns // CHANNELS
+        pieces = [motion[name] for name in run.names]
+        place = np.stack([m.positions for m in pieces], axis=1)[rows, whom]
+        sides = [_binned(place[:, a], e, f"{'xyz'[a]} ", "m") for a, e in box.items()]
+        labels["run"].append(np.full(len(rows), run.name))
+        labels["object"].append(np.array([owner(n) for n in run.names])[whom])
+        labels["time"].append(_binned(times[rows], parts, "", "s"))
+        labels["phase"].append(np.stack([m.phases for m in pieces], axis=1)[rows, whom])
+        labels["region"].append(np.char.add(np.char.add(sides[0], ", "), sides[1]))
+        labels["speed"].append(_binned(np.stack([m.speeds for m in pieces], axis=1)[rows, whom], thirds, "", "m/s"))
+        labels["axis"].append(np.array(AXES)[columns % CHANNELS])
+    square, expected = np.concatenate(squares), np.concatenate(freedom)
+    excess = max(float(square.sum() - expected.sum()), 0.0)
+    factors = {name: _levels(np.concatenate(texts), square, expected, excess) for name, texts in labels.items()}
+    ratio = float(square.sum() / expected.sum())
+    return Localisation(ratio, ground.settings.near_noise**2, factors, onsets(fitted))
 
 
-def _levels(texts: Texts, energy: Array, expected: Array, whole: float) -> tuple[Level, ...]:
-    """Return the energy by level; its degrees of freedom are the modes that fall there."""
+def _levels(texts: Texts, square: Array, expected: Array, excess: float) -> tuple[Level, ...]:
     found = []
     for text in np.unique(texts):
         here = texts == text
-        e, x = float(energy[here].sum()), float(expected[here].sum())
-        ratio = e / x
-        error = max(ratio, 1.0) * float(np.sqrt(2.0 / max(x, 1.0)))
-        share = max(e - x, 0.0) / whole if whole > 0.0 else 0.0
-        found.append(Level(str(text), ratio, error, share, int(here.sum())))
+        s, x = float(square[here].sum()), float(expected[here].sum())
+        error = max(s / x, 1.0) * float(np.sqrt(2.0 / max(x, 1.0)))
+        share = max(s - x, 0.0) / excess if excess > 0.0 else 0.0
+        found.append(Level(str(text), s / x, error, share, int(here.sum())))
     return tuple(sorted(found, key=lambda level: -level.ratio))
-
-
-def _same(text: str, count: int) -> Texts:
-    return np.full(count, text)
 
 
 def _binned(values: Array, edges: Array, prefix: str, unit: str) -> Texts:
@@ -176,10 +133,10 @@ def _binned(values: Array, edges: Array, prefix: str, unit: str) -> Texts:
     return texts
 
 
-def _box(design: Design, cells: int) -> dict[int, Array]:
+def _box(fitted: Fitted) -> dict[int, Array]:
     """Return edges of cells along the two longest sides of the region that was measured, by axis."""
-    places = np.concatenate([r.run.positions.reshape(-1, 3) for r in design.runs])
+    places = np.concatenate([r.positions.reshape(-1, 3) for r in fitted.ground.recording.runs])
     seen = [v[np.isfinite(v)] for v in places.T]
     spans = [(float(v.min()), float(v.max())) if len(v) else (0.0, 0.0) for v in seen]
     longest = sorted(range(3), key=lambda axis: spans[axis][0] - spans[axis][1])[:2]
-    return {axis: np.linspace(*spans[axis], cells + 1) for axis in sorted(longest)}
+    return {axis: np.linspace(*spans[axis], CELLS + 1) for axis in sorted(longest)}

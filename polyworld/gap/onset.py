@@ -12,13 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.design import RunDesign
-from polyworld.estimation.profile import Fit
-from polyworld.gap.settings import LocaliseSettings
+from polyworld.estimation.run_readout import CHANNELS
+from polyworld.gap.fitting import Fitted
 
 Array = NDArray[np.float64]
 
 PRIOR = 1e3  # ordinary changes of an initial state: next to nothing is known of it before the first sample
+ALARM = 5.0  # standard deviations by which the mean of a window is off once in a million windows of noise
+WINDOWS = (1 / 48, 1 / 24, 1 / 12, 1 / 6)  # their lengths, as shares of a series
+SHORTEST = 3  # samples of a window
 
 
 @dataclass(frozen=True)
@@ -36,58 +38,54 @@ class Onset:
         return {"run": self.run, "object": self.name, "time": self.time, "strength": self.strength}
 
 
-def onsets(run: RunDesign, fit: Fit, kept: NDArray[np.bool_], settings: LocaliseSettings | None = None) -> list[Onset]:
-    """Find the onset of every object of a run that shows one; shared unknowns stay as fitted."""
-    settings = settings or LocaliseSettings()
-    forecast = recursive_residuals(run, fit.linear.r[run.index], fit.linear.b[run.index])
-    found: dict[str, Onset] = {}
-    for s in run.series:
-        own = kept[s.where]
-        times, w = run.times[s.rows[own]], forecast[s.where][own]
-        first = _first_alarm(times, w, settings)
-        if first is None:
-            continue
-        known = found.get(s.name)
-        if known is None or first[0] < known.time:
-            found[s.name] = Onset(run.run.name, s.name, *first)
-    return list(found.values())
+def onsets(fitted: Fitted) -> tuple[Onset, ...]:
+    """Return the onset of every object that shows one in a run, earliest first; shared unknowns stay as fitted."""
+    found: dict[tuple[str, str], Onset] = {}
+    for r, (run, readout) in enumerate(zip(fitted.ground.recording.runs, fitted.ground.readouts, strict=True)):
+        one, rows, columns = fitted.slopes[r], readout.rows(), readout.columns()
+        errors = recursive_residuals(one.residuals, one.states, rows, fitted.problem.runs[r][0].states.typical)
+        times = run.times - run.times[0] + run.lead
+        for column in np.unique(columns).tolist():
+            own = columns == column
+            first = _first_alarm(times[rows[own]], errors[own])
+            name = run.names[column // CHANNELS]
+            known = found.get((run.name, name))
+            if first is not None and (known is None or first[0] < known.time):
+                found[run.name, name] = Onset(run.name, name, *first)
+    return tuple(sorted(found.values(), key=lambda o: (o.time, o.run, o.name)))
 
 
-def recursive_residuals(run: RunDesign, residual: Array, slopes: Array) -> Array:
-    """Forecast errors (m,) of whitened residuals (m,), each instant from all before it; slopes (m, N) by the state."""
-    result = residual.copy()
+def recursive_residuals(residuals: Array, slopes: Array, rows: NDArray[np.int64], typical: Array) -> Array:
+    """Return forecast errors (m,) of residuals (m,) in units of noise, each instant from all before it.
+
+    slopes (m, N): by the initial state, whose ordinary changes are typical (N,). rows (m,): the instant of each.
+    """
+    found = residuals.copy()
     n = slopes.shape[1]
     if not n:
-        return result
-    row = np.empty(run.length, dtype=np.int64)
-    for s in run.series:
-        row[s.where] = s.rows
-    order = np.argsort(row, kind="stable")
-    cuts = np.flatnonzero(np.diff(row[order])) + 1
-    covariance = np.diag((PRIOR * run.typical) ** 2)
-    state = np.zeros(n)
-    for entries in np.split(order, cuts):
+        return found
+    covariance, state = np.diag((PRIOR * typical) ** 2), np.zeros(n)
+    for entries in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(rows)) + 1):
         h = slopes[entries]
         gain = covariance @ h.T
         spread = h @ gain + np.eye(len(entries))
-        lower = np.linalg.cholesky(spread)
-        error = residual[entries] - h @ state
-        result[entries] = np.linalg.solve(lower, error)
+        error = residuals[entries] - h @ state
+        found[entries] = np.linalg.solve(np.linalg.cholesky(spread), error)
         k = np.linalg.solve(spread, gain.T).T
         state = state + k @ error
         shrink = np.eye(n) - k @ h
         covariance = shrink @ covariance @ shrink.T + k @ k.T  # Joseph's form stays positive
-    return result
+    return found
 
 
-def _first_alarm(times: Array, errors: Array, settings: LocaliseSettings) -> tuple[float, float] | None:
+def _first_alarm(times: Array, errors: Array) -> tuple[float, float] | None:
     """Return where the earliest window begins whose mean is too far off, and how far."""
     total = np.concatenate([[0.0], np.cumsum(errors)])
     found: list[tuple[int, int, float]] = []  # end, begin, standard deviations
-    for share in settings.windows:
-        length = max(round(share * len(errors)), 3)
+    for share in WINDOWS:
+        length = max(round(share * len(errors)), SHORTEST)
         mean = np.abs(total[length:] - total[:-length]) / np.sqrt(length)
-        over = np.flatnonzero(mean > settings.alarm)
+        over = np.flatnonzero(mean > ALARM)
         if len(over):
             found.append((int(over[0]) + length, int(over[0]), float(mean[over[0]])))
     if not found:

@@ -1,182 +1,141 @@
-"""Compute the power of a design: how strong each effect had to be to be seen.
+"""Estimate the power of a design: how strong an effect has to be to be noticed.
 
-Each candidate is planted in the design. The change of the motion, less what initial states and base unknowns can take
-up, against the noise: its squared length is the noncentrality of the gain in chi2 that a search would find. An effect
-counts as seen where that gain lowers the extended BIC by more than the search asks for.
+A strength s off neutral changes residuals by s times their slope, less what initial states and fitted unknowns take up.
+With the slope's length L in standard deviations of what the fit leaves, it gains s^2 L^2 / 2 nats, of correlated
+residuals their independent share. It is noticed where that exceeds what a hypothesis has to gain to be chosen.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chndtrinc
 
-from polyworld.estimation.candidate import Candidate
-from polyworld.estimation.fit_context import FitContext, FittedHypothesis
-from polyworld.estimation.forward import Settings
-from polyworld.estimation.hypothesis import Hypothesis, extended
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap import ebic
-from polyworld.gap.settings import PowerSettings
+from polyworld.gap.candidate import Candidate
+from polyworld.gap.fitting import Fitted
+from polyworld.gap.hypothesis import Hypothesis, extended, starts_of
+from polyworld.gap.propose import Projection
+from polyworld.gap.verdict import independent_share
 
 Array = NDArray[np.float64]
+
+STARTS = 4  # of an effect with a place or a clock, spread over all of its own, at which slopes are taken
+ROUNDING = 1e-6  # share of a change that rounding leaves of one that is taken up; in standard deviations, of none
 
 
 @dataclass(frozen=True)
 class Power:
-    """How strong one way to add an effect had to be.
+    """How strong one way to add an effect has to be to be noticed.
 
-    effect, label: which one, and whom it acts on. unknown, unit: the number planted; empty for an effect that is there
-    or not. strength: its least change from neutral that is seen with the power asked for, the median over the starts
-    planted; infinite where none within its bounds is. typical: an ordinary change. noncentrality: of chi2's gain at the
-    ordinary change; needed: for it to be seen. seen: whether an ordinary effect would have been.
+    unknown, unit: the strength; empty for an effect that was not asked about, since it changes courses at once and no
+    slope shows that. strength: least departure from neutral that is noticed, the median over places; infinite where
+    none within bounds is. typical: an ordinary departure.
     """
 
     effect: str
-    label: str
-    unknown: str
-    unit: str
-    strength: float
-    typical: float
-    noncentrality: float
-    needed: float
+    label: str = ""
+    unknown: str = ""
+    unit: str = ""
+    strength: float = np.inf
+    typical: float = 0.0
 
     @property
     def seen(self) -> bool:
-        """Whether an effect of ordinary strength would have been seen."""
-        return self.noncentrality >= self.needed
+        """Whether an ordinary strength would be noticed."""
+        return self.strength <= self.typical
 
     def summary(self) -> str:
         """Describe the power in words."""
         name = f"{self.effect} ({self.label})" if self.label else self.effect
         if not self.unknown:
-            return f"{name}: {'would have been seen' if self.seen else 'cannot be seen'} where it was planted."
+            return f"{name}: not asked about, since it changes courses at once."
         if not np.isfinite(self.strength):
             return f"{name}: cannot be seen in these data, at no {self.unknown} within its bounds."
-        ordinary = "would have been seen" if self.seen else "could have been missed"
-        return (
-            f"{name}: seen from {self.unknown} {self.strength:.3g} {self.unit} on; an ordinary one "
-            f"({self.typical:.3g}) {ordinary}."
-        )
+        ordinary = f"an ordinary one ({self.typical:.3g}) {'would have been seen' if self.seen else 'could be missed'}"
+        return f"{name}: seen from {self.unknown} {self.strength:.3g} {self.unit} off neutral on; {ordinary}."
 
     def to_json(self) -> dict[str, object]:
-        """Return the power as plain data."""
-        return {
-            "effect": self.effect,
-            "label": self.label,
-            "unknown": self.unknown,
-            "unit": self.unit,
-            "detectable": self.strength if np.isfinite(self.strength) else None,
-            "typical": self.typical,
-            "noncentrality": self.noncentrality,
-            "needed": self.needed,
-            "seen": self.seen,
-            "summary": self.summary(),
-        }
+        """Return JSON-ready values."""
+        strength = self.strength if np.isfinite(self.strength) else None
+        judged = {"asked": bool(self.unknown), "seen": self.seen, "summary": self.summary()}
+        return asdict(self) | {"strength": strength} | judged
 
 
-def power_check(
-    trial: FittedHypothesis, candidates: Sequence[Candidate] | None = None, settings: PowerSettings | None = None
-) -> tuple[Power, ...]:
-    """Compute the power of a trial's design against every way to add each candidate, weakest first.
+def power_check(fitted: Fitted, library: Sequence[Candidate]) -> list[Power]:
+    """Estimate the power against every way to add each candidate, weakest first and those not asked last.
 
-    candidates: default the catalogue. Effects whose unknowns are free already are left out. Planted motion is compared
-    by one simulation a strength; what fits could take up of it is projected out linearly at the trial's fit.
+    Effects that the hypothesis holds, and unknowns whose parameters it fits, are left out.
     """
-    settings = settings or PowerSettings()
-    if candidates is None:
-        from polyworld.gap.catalogue import catalogue
-
-        candidates = tuple(catalogue().values())
-    count = max(trial.context.candidates, len(candidates))
+    projection, share = Projection(fitted), independent_share(fitted)
+    taken = {path for u in fitted.hypothesis.unknowns for path in u.paths}
     found: list[Power] = []
-    for candidate in candidates:
-        for hypothesis in extended(trial.hypothesis, candidate, trial.context.design.recording):
-            extra = hypothesis.extra - trial.hypothesis.extra
-            needed = noncentrality_needed(extra, trial.context.observations, count, settings)
-            found += _of_hypothesis(trial, hypothesis, needed, settings)
-    return tuple(sorted(found, key=lambda p: (p.noncentrality / p.needed, p.effect, p.label)))
+    for candidate in library:
+        for hypothesis in extended(fitted.hypothesis, candidate, fitted.ground.recording):
+            part = hypothesis.parts[-1]
+            if part.sudden:
+                found.append(Power(candidate.name))
+                break
+            acting: dict[tuple[str, ...], list[Unknown]] = {}
+            for u in part.variant.unknowns:
+                if u.name not in part.variant.idle and not taken & set(u.paths):
+                    acting.setdefault(u.paths, []).append(u)  # those of single runs together
+            if acting:
+                lengths = _lengths(fitted, hypothesis, list(acting.values()), projection) * np.sqrt(share)
+                found += _rows(fitted, hypothesis, list(acting.values()), lengths)
+    return sorted(found, key=lambda p: (not p.unknown, p.typical / p.strength, p.effect, p.label, p.unknown))
 
 
-def noncentrality_needed(
-    unknowns: int, observations: float, candidates: int, settings: PowerSettings | None = None
-) -> float:
-    """Noncentrality with which the gain of an effect with so many unknowns suffices with the power asked for."""
-    settings = settings or PowerSettings()
-    gain = ebic.required_gain(unknowns, observations, candidates, settings.alarm)
-    return float(chndtrinc(gain, unknowns, 1.0 - settings.power))
+def _rows(fitted: Fitted, hypothesis: Hypothesis, groups: Sequence[Sequence[Unknown]], lengths: Array) -> list[Power]:
+    settings, part = fitted.ground.settings, hypothesis.parts[-1]
+    asked = settings.nats + hypothesis.cost(settings) - fitted.hypothesis.cost(settings)
+    found = []
+    for (u, *_), own in zip(groups, lengths.T, strict=True):
+        if np.isnan(own).all() and not np.isnan(lengths).all():
+            continue  # a place, which does nothing while its effect is off
+        least = float(np.sqrt(2.0 * asked) / max(float(np.median(np.nan_to_num(own))), 1e-300))
+        least = least if least <= max(u.upper - u.start, u.start - u.lower) else np.inf
+        name = u.name if u.run is None else u.paths[0].rsplit(".", 1)[-1]
+        found.append(Power(part.candidate.name, part.variant.label, name, u.unit, least, u.typical))
+    return found
 
 
-def _of_hypothesis(
-    trial: FittedHypothesis, hypothesis: Hypothesis, needed: float, settings: PowerSettings
-) -> list[Power]:
-    part = hypothesis.parts[-1]
-    variant = part.variant
-    starts = hypothesis.starts(trial.values)
-    chosen = np.unique(np.linspace(0, len(starts) - 1, min(settings.starts, len(starts))).astype(int))
-    at = np.array([starts[i] for i in chosen])
-    strong = [u for u in variant.unknowns if variant.strength == u.name]
-    if not strong and variant.strength is None:
-        strong = [u for u in variant.unknowns if u.name not in variant.idle]
-    still = float(np.nanmedian(_noncentralities(trial, hypothesis, at)))
-    if still > 0.1 * needed:  # it acts at its starts already: it is there or not
-        return [Power(part.candidate.name, variant.label, "", "", 0.0, 0.0, still, needed)]
-    return [_of_unknown(trial, hypothesis, at, u, needed, settings.corrections) for u in strong]
-
-
-def _of_unknown(
-    trial: FittedHypothesis, hypothesis: Hypothesis, starts: Array, unknown: Unknown, needed: float, corrections: int
-) -> Power:
-    part = hypothesis.parts[-1]
-    unknowns = part.variant.unknowns
-    place = starts.shape[1] - len(unknowns) + unknowns.index(unknown)
-    up, down = unknown.upper - unknown.start, unknown.start - unknown.lower
-    room, sign = (up, 1.0) if up >= down else (down, -1.0)
-    ordinary = np.full(len(starts), min(unknown.typical, room))
-
-    def planted(change: Array) -> Array:
-        values = starts.copy()
-        values[:, place] = unknown.start + sign * change
-        return _noncentralities(trial, hypothesis, values)
-
-    usual = planted(ordinary)
-    change, reached = ordinary, usual
-    for _ in range(corrections):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            factor = np.sqrt(needed / reached)
-        factor = np.where(np.isfinite(factor), np.clip(factor, 1e-4, 1e4), 1e4)
-        change = np.minimum(change * factor, room)
-        reached = planted(change)
-    enough = np.isfinite(reached) & (reached >= 0.5 * needed)
-    strength = np.where(enough, change * np.sqrt(needed / np.where(enough, reached, 1.0)), np.inf)
-    return Power(
-        part.candidate.name,
-        part.variant.label,
-        unknown.name,
-        unknown.unit,
-        float(np.median(strength)),
-        unknown.typical,
-        float(np.median(np.nan_to_num(usual, nan=0.0))),
-        needed,
-    )
-
-
-def _noncentralities(trial: FittedHypothesis, hypothesis: Hypothesis, values: Array) -> Array:
-    """Squared length (k,) of the change of the whitened motion at shared values (k, S), all fitted projected out."""
-    context: FitContext = trial.context
-    ground = trial.nuisance
-    settings = [
-        Settings(r.index, values, np.repeat(trial.fit.states[r.index][None], len(values), axis=0))
-        for r in context.design.runs
-    ]
-    square = np.zeros(len(values))
-    along = np.zeros((len(values), ground.inverse.shape[0]))
-    for r, raw in zip(context.design.runs, context.forward(hypothesis).residuals(settings), strict=True):
-        change = ground.off(r.index, context.noise.whiten(r.index, raw) - trial.fit.linear.r[r.index])
-        square += (change**2).sum(axis=1)
-        along += change @ ground.slopes[r.index]
-    result: Array = square - np.einsum("ks,st,kt->k", along, ground.inverse, along)
-    return result
+def _lengths(
+    fitted: Fitted, hypothesis: Hypothesis, groups: Sequence[Sequence[Unknown]], projection: Projection
+) -> Array:
+    """Return the lengths (K, G) of the slopes by groups of unknowns at K starts, in standard deviations of what the fit
+    leaves; NaN where nothing moves."""
+    ground, part = fitted.ground, hypothesis.parts[-1]
+    starts = starts_of(hypothesis)
+    chosen = np.linspace(0, len(starts) - 1, STARTS).astype(int) if part.variant.idle else [0]
+    starts = starts[np.unique(chosen)]
+    k, g, first = len(starts), len(groups), len(fitted.values)
+    steps = np.array([ground.settings.probe * u.typical * (1.0 if u.upper > u.start else -1.0) for u, *_ in groups])
+    values = np.concatenate([np.repeat(fitted.values[None], k, axis=0), starts], axis=1)
+    jobs = []
+    for run, (block,), own in zip(
+        ground.recording.runs, ground.problem(hypothesis).runs, fitted.of_states(), strict=True
+    ):
+        extra = [u for u in part.own if u.run == run.name]
+        shared, states = np.repeat(values[:, None], g + 1, axis=1), np.zeros((k, g + 1, len(own) + len(extra)))
+        states[...] = [*own, *(u.start for u in extra)]
+        for j, group in enumerate(groups):
+            for u in group:
+                if u.run is None:
+                    shared[:, 1 + j, first + part.shared.index(u)] += steps[j]
+                elif u.run == run.name:
+                    states[:, 1 + j, len(own) + extra.index(u)] += steps[j]
+        jobs.append((block, shared.reshape(k * (g + 1), -1), states.reshape(k * (g + 1), -1)))
+    left, whole = [], np.zeros(k * g)
+    for r, one in enumerate(fitted.problem.evaluate(jobs, 1.0)):
+        moved = one.residuals.reshape(k, g + 1, -1)
+        change = (moved[:, 1:] - moved[:, :1]).reshape(k * g, -1).T
+        left.append(projection.off_states(r, change))
+        whole += (change**2).sum(axis=0)
+    length = np.linalg.norm(projection.off_shared(np.concatenate(left)), axis=0)
+    length[length <= ROUNDING * np.sqrt(whole)] = 0.0
+    length[whole <= ROUNDING**2] = np.nan
+    found: Array = length.reshape(k, g) / np.abs(steps) / fitted.scale
+    return found

@@ -3,181 +3,137 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from polyworld.estimation.fit_context import FitContext, FittedHypothesis
-from polyworld.gap import ebic
-from polyworld.gap.checks import Check
-from polyworld.gap.decide import RunnerUp, Stability, Verdict
-from polyworld.gap.held_out import HeldOutGap
-from polyworld.gap.null_control import NullControl
-from polyworld.gap.outlying import OutlyingRun
-from polyworld.gap.remainder import Remainder
-from polyworld.gap.settings import DecisionSettings
-from polyworld.gap.stability import equivalents
+from polyworld.gap.experiment import Experiment
+from polyworld.gap.fitting import Fitted
+from polyworld.gap.residual_force import ResidualForce
+from polyworld.gap.sealed import SealedGap
+from polyworld.gap.set_aside import Aside
+from polyworld.gap.verdict import Verdict, intervals
 from polyworld.world import World
 
-Array = NDArray[np.float64]
+LISTED = 8  # hypotheses
 
 
 @dataclass(frozen=True)
 class GapReport:
     """The outcome of the search for the gap.
 
-    intervals (S, 2): 95%, of the best hypothesis' unknowns. world: child with the effects, fitted; None where nothing
-    is missing. near_misses: effects that would lower the misfit of data that are explained already. cautions: what the
-    recording cannot determine. history: every step with its figures. set_aside: runs that behave unlike the rest, which
-    nothing was fitted to. checks: what contradicted the verdict and lowered it. plain: fits of the plain laws.
-    remainder: what the answer leaves undone. limited: the time limit [s] that ended the search. to_dict gives all of
-    it as JSON-ready values.
+    null: the base, fitted. pool: all hypotheses fitted to the end, best first. sealed: the gap on runs that no step has
+    seen. set_aside: runs, or tails of runs, that no candidate predicts. limited: the time limit [s] that ended the
+    search. experiment: the run that would decide where the verdict is ambiguous. force: the law of what stays
+    unexplained. to_dict gives all of it as JSON-ready values.
     """
 
     verdict: Verdict
-    context: FitContext = field(repr=False)
-    base: FittedHypothesis = field(repr=False)
-    intervals: Array
-    world: World | None
-    held_out: HeldOutGap | None
-    null: NullControl | None
-    experiment: dict[str, Any] | None
-    residual_force: dict[str, Any] | None
-    near_misses: tuple[dict[str, Any], ...]
+    null: Fitted = field(repr=False)
+    pool: tuple[Fitted, ...] = field(repr=False)
+    sealed: SealedGap | None
+    set_aside: tuple[Aside, ...]
     cautions: tuple[str, ...]
-    history: tuple[dict[str, Any], ...]
-    set_aside: tuple[OutlyingRun, ...] = ()
-    checks: tuple[Check, ...] = ()
-    plain: tuple[FittedHypothesis, ...] = ()
-    remainder: Remainder | None = None
+    history: tuple[dict[str, object], ...]
+    substep: float
     limited: float | None = None
+    experiment: Experiment | None = None
+    force: ResidualForce | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the effects of the best hypothesis, empty where nothing is missing."""
-        return self.verdict.best.hypothesis.names if self.verdict.best is not None else ()
+        return tuple(p.candidate.name for p in self.verdict.best.hypothesis.parts)
 
-    def _effects(self) -> list[dict[str, Any]]:
-        """Return the effects named, each with those that these data cannot distinguish from it."""
-        best = self.verdict.best
-        if best is None:
-            return []
-        found = effects_of(best, self.intervals)
-        if self.verdict.stability is not None:
-            alike = equivalents([*self.plain, best], DecisionSettings().chance)
-            for effect in found:
-                known = alike.get(effect["name"], frozenset())
-                effect["same_as"] = sorted({*effect["same_as"], *known} - {effect["name"]})
-        return found
+    @property
+    def world(self) -> World:
+        """The child world with the effects, fitted."""
+        fitted = self.verdict.best.hypothesis.fitted_world(self.verdict.best.values)
+        return fitted.with_substep(self.substep)
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready values; numbers that are not finite become None."""
-        best = self.verdict.best
-        judged = best if best is not None else self.base
+        v = self.verdict
         payload = {
-            "verdict": self.verdict.kind,
-            "checks": [{"check": c.name, "found": c.found} for c in self.checks],
-            "set_aside": [o.to_json() | {"summary": o.summary()} for o in self.set_aside],
-            "stability": None if self.verdict.stability is None else _stability(self.verdict.stability),
-            "plain_laws": [_plain(t, judged) for t in self.plain],
-            "remainder": None if self.remainder is None else self.remainder.to_json(),
-            "time_limit": self.limited,
-            "effects": self._effects(),
-            "credible_set": [list(t.hypothesis.names) for t in self.verdict.credible],
-            "other_forms": [t.hypothesis.title for t in self.verdict.forms],
-            "runner_up": _runner_up(self.verdict.runner_up),
-            "experiment": self.experiment,
-            "residual_force": self.residual_force,
-            "noise": self.context.noise.to_json(),
-            "goodness": judged.goodness.to_json(),
-            "sealed": None if self.held_out is None else self.held_out.to_dict(),
-            "null_control": None if self.null is None else self.null.to_dict(),
-            "near_misses": list(self.near_misses),
+            "verdict": v.kind,
+            "reasons": list(v.reasons),
+            "effects": effects_of(v.best),
+            "equivalent": [_listed(f) for f in v.equivalent],
+            "competitors": [_listed(f) for f in v.competitors],
+            "frequencies": v.frequencies,
+            "stable": v.stable,
+            "error": {"before": v.before, "after": v.after, "unit": "standard deviations of the noise"},
+            "noise": _noise(v.best),
+            "independent_share": v.share,
+            "plain_laws": [_listed(f) for f in plain_laws(self.pool)],
+            "hypotheses": [_listed(f) for f in self.pool[:LISTED]],
+            "base": {u.name: float(x) for u, x in zip(self.null.hypothesis.base, v.best.values, strict=False)},
+            "sealed": None if self.sealed is None else self.sealed.to_json(),
+            "set_aside": [a.to_json() | {"summary": a.summary()} for a in self.set_aside],
+            "experiment": None if self.experiment is None else self.experiment.to_dict(),
+            "residual_force": None if self.force is None else self.force.to_dict(),
             "cautions": list(self.cautions),
-            "base": {
-                "unknowns": _unknowns(judged, 0, len(judged.hypothesis.base), self.intervals),
-                "passes": self.base.passes,
-                "chi2": self.base.chi2,
-            },
-            "world": None if self.world is None else self.world.model_dump(mode="json"),
+            "time_limit": self.limited,
+            "world": self.world.model_dump(mode="json"),
             "history": list(self.history),
         }
         result: dict[str, Any] = finite(payload)
         return result
 
 
-def effects_of(trial: FittedHypothesis, intervals: Array) -> list[dict[str, Any]]:
+def plain_laws(pool: Sequence[Fitted]) -> list[Fitted]:
+    """Return plain laws alone and in pairs, best first."""
+    return [f for f in pool if f.hypothesis.parts and all(p.candidate.plain for p in f.hypothesis.parts)]
+
+
+def effects_of(fitted: Fitted) -> list[dict[str, Any]]:
     """Return every effect of a hypothesis with its fitted unknowns and their 95% intervals."""
     found = []
-    at = len(trial.hypothesis.base)
-    for part in trial.hypothesis.parts:
-        count = len(part.variant.unknowns)
+    ends = intervals(fitted)
+    for i, part in enumerate(fitted.hypothesis.parts):
+        at = fitted.hypothesis.of_part(i)
+        unknowns = {
+            u.name: {
+                "value": float(v),
+                "unit": u.unit,
+                "interval95": [float(e[0]), float(e[1])],
+                "paths": list(u.paths),
+            }
+            for u, v, e in zip(part.shared, fitted.values[at], ends[at], strict=True)
+        }
         found.append(
             {
                 "name": part.candidate.name,
                 "label": part.variant.label,
                 "law": part.candidate.law,
                 "same_as": list(part.variant.same_as),
-                "unknowns": _unknowns(trial, at, count, intervals),
+                "unknowns": unknowns,
             }
         )
-        at += count
     return found
 
 
-def _unknowns(trial: FittedHypothesis, first: int, count: int, intervals: Array) -> dict[str, dict[str, Any]]:
-    payload = {}
-    for i in range(first, first + count):
-        u = trial.hypothesis.unknowns[i]
-        payload[u.name] = {
-            "value": float(trial.values[i]),
-            "unit": u.unit,
-            "interval95": [float(v) for v in intervals[i]] if i < len(intervals) else None,
-            "paths": list(u.paths),
-        }
-    return payload
-
-
-def _plain(trial: FittedHypothesis, best: FittedHypothesis) -> dict[str, Any]:
-    """Return a plain law, fitted by itself, beside the answer."""
-    (part,) = trial.hypothesis.parts
+def _listed(fitted: Fitted) -> dict[str, Any]:
+    """Return a hypothesis in short."""
     return {
-        "name": part.candidate.name,
-        "label": part.variant.label,
-        "values": {
-            u.name: float(trial.values[len(trial.hypothesis.base) + i]) for i, u in enumerate(part.variant.unknowns)
-        },
-        "chi2": trial.chi2,
-        "ebic_behind": ebic.behind(trial, best),
-        "passes": trial.passes,
+        "effects": [p.candidate.name for p in fitted.hypothesis.parts],
+        "labels": [p.variant.label for p in fitted.hypothesis.parts],
+        "values": {u.name: float(v) for u, v in zip(fitted.hypothesis.unknowns, fitted.values, strict=True)},
+        "score": fitted.total,
+        "error": fitted.error,
     }
 
 
-def _stability(found: Stability) -> dict[str, Any]:
-    """Return the comparison with model error admitted."""
-    return {
-        "chosen_in": found.support,
-        "held_out_gain": found.held_out.gain,
-        "held_out_error": found.held_out.error,
-        "ebic_ahead": found.ahead,
-        "model_error": found.error.size,
-        "competitors": [list(names) for names in found.competitors],
-        "reasons": list(found.reasons),
-    }
-
-
-def _runner_up(found: RunnerUp | None) -> dict[str, Any] | None:
-    if found is None:
-        return None
-    return {
-        "effects": list(found.trial.hypothesis.names),
-        "ebic_behind": found.ebic_behind,
-        "held_out_behind": found.held_out.gain,
-        "held_out_error": found.held_out.error,
-        "passes": found.trial.passes,
-    }
+def _noise(fitted: Fitted) -> dict[str, Any]:
+    ground = fitted.ground
+    levels = [
+        n.position[np.isfinite(r.positions).any(axis=0)]
+        for r, n in zip(ground.recording.runs, ground.noise, strict=True)
+    ]
+    every = np.concatenate([np.atleast_1d(x) for x in levels]) if levels else np.zeros(0)
+    return {"position": float(np.median(every)) if len(every) else None, "unit": "m"}
 
 
 def finite(value: Any) -> Any:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,14 +55,10 @@ class Case:
         """Folder of the case."""
         return f"{self.section}-{self.index:04d}"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return JSON-ready values."""
-        return asdict(self)
 
-
-def same_class(name: str, section: str) -> frozenset[str]:
-    """Return all effects that no experiment of a section distinguishes from this one."""
-    return next((s for s in (SAME_ON_PLANE if section in ON_PLANE else SAME) if name in s), frozenset({name}))
+def alike(section: str) -> dict[str, str]:
+    """Return the effects that no experiment of a section distinguishes from others, with one that stands for all."""
+    return {name: min(group) for group in (SAME_ON_PLANE if section in ON_PLANE else SAME) for name in group}
 
 
 def _one_motion(pair: tuple[str, str]) -> bool:
@@ -152,9 +147,6 @@ SECTIONS: dict[str, Callable[[int], Iterator[Case]]] = {
     "bodies": bodies,
     "unturned_bodies": unturned_bodies,
 }
-# Repetitions in a full run: 28 effects x 10 seeds x 3 noises; 300 white and 100 of each other kind; and so on.
-FULL = {"one_effect": 10, "nothing": 100, "two_effects": 100, "outside": 10, "poor_designs": 25}
-FULL |= dict.fromkeys(ON_PLANE, 10)
 
 
 @dataclass(frozen=True)

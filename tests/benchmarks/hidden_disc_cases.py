@@ -257,30 +257,13 @@ class HiddenDiscs:
             "time": {"seconds_per_frame": 1.0 / RATE, "substep": 0.002},
         }
 
-    def truth_json(self, seed: int) -> dict[str, Any]:
-        """Return what the scorer needs."""
-        effect = self.effect
-        effects = (
-            []
-            if effect is None
-            else [
-                {
-                    "name": effect.name,
-                    "size": self.size,
-                    "numbers": {k: float(v) for k, v in effect.true_values(self.strength).items()},
-                    "place": effect.place,
-                    "form": None,
-                }
-            ]
-        )
-        sigma = self.case.noise * self.scene.path_scale
-        return {
-            "case": self.case.to_dict(),
-            "seed": seed,
-            "effects": effects,
-            "path_scale": self.scene.path_scale,
-            "sigma": sigma,
-        }
+    @property
+    def effects(self) -> list[dict[str, Any]]:
+        """What is hidden: name, size as a share of the path scale, true numbers, place."""
+        if self.effect is None:
+            return []
+        numbers = {k: float(v) for k, v in self.effect.true_values(self.strength).items()}
+        return [{"name": self.effect.name, "size": self.size, "numbers": numbers, "place": self.effect.place}]
 
 
 def draw_discs(case: Case, seed: int) -> HiddenDiscs:

@@ -253,18 +253,17 @@ def restitution_error(rng: np.random.Generator, scenery: Scenery) -> Drawn:
         lambda s: {"restitution": e + sign * s},
         guess=0.05,
         most=0.18,
-        apply=lambda b, s: replace(b, restitution=lambda speed: e + sign * s),
+        apply=lambda b, s: replace(b, restitution=lambda speed: b.restitution(speed) + sign * s),
     )
 
 
 def restitution_speed(rng: np.random.Generator, scenery: Scenery) -> Drawn:
-    e = scenery.restitution
     return Drawn(
         "restitution_speed",
         lambda s: {"rate": s},
         guess=0.02,
         most=0.3,
-        apply=lambda b, s: replace(b, restitution=lambda speed: e / (1.0 + s * speed)),
+        apply=lambda b, s: replace(b, restitution=lambda speed: b.restitution(speed) / (1.0 + s * speed)),
     )
 
 

@@ -157,9 +157,9 @@ def imported(source: Path) -> set[str]:
     return names | {n.module for n in nodes if isinstance(n, ast.ImportFrom) and n.module}
 
 
-def test_generator_and_scorer_import_nothing_of_the_project() -> None:
+def test_generator_imports_nothing_of_the_project() -> None:
     root = Path(__file__).parents[2]
-    waiting = [f"tests.benchmarks.{name}" for name in ("hidden_generate", "hidden_score", "hidden_report")]
+    waiting = ["tests.benchmarks.hidden_generate", "tests.benchmarks.hidden_disc_cases"]
     seen: set[str] = set()
     while waiting:
         module = waiting.pop()

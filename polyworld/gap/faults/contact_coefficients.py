@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 
 from polyworld.data.recording import Recording
-from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import by_value, of_path, one_start
+from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.conditions import conditions
 from polyworld.world import World
 from polyworld.world.parameters import read_parameter
-
-if TYPE_CHECKING:
-    from polyworld.estimation.fit_context import FitContext, FittedHypothesis
 
 MOST_GROUPS = 4  # different values among bodies that are fitted independently; more would be a refit, not an effect
 OTHERS = (0.4, 2.5)  # times a friction that fits begin at, too
@@ -66,16 +63,16 @@ def _friction(world: World, recording: Recording) -> tuple[Variant, ...]:
         made.append(one_start(world, (unknown,), "of the plane"))
     if found.impacts or found.slides:
         made += _surface(world, "friction", _size_of_friction)
-    return tuple(made)
+    return tuple(_other_frictions(v) for v in made)
 
 
-def _other_frictions(
-    _context: FitContext, _trial: FittedHypothesis, variant: Variant
-) -> tuple[Mapping[str, float], ...]:
-    """Start at much less and much more: where an impact or a roll grips, the slope by friction is zero."""
-    return tuple(
+def _other_frictions(variant: Variant) -> Variant:
+    """Return the variant that also starts at much less and much more: where an impact or a roll grips, the slope by
+    friction is zero."""
+    more = tuple(
         {u.name: float(np.clip(times * u.start, u.lower, u.upper)) for u in variant.unknowns} for times in OTHERS
     )
+    return replace(variant, starts=(*variant.starts, *more))
 
 
 def _rolling(world: World, recording: Recording) -> tuple[Variant, ...]:
@@ -113,7 +110,6 @@ CANDIDATES = (
         reference="Coulomb (1785), Theorie des machines simples",
         variants=_friction,
         plain=True,
-        further=_other_frictions,
         confused_with={
             "rolling_resistance": "the spin: a rolling body keeps its speed but for rolling resistance",
             "viscous_friction": "sliding at several speeds",

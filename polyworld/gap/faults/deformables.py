@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from polyworld.data.recording import Recording
-from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import by_value, one_start
+from polyworld.gap.candidate import Candidate, Variant
 from polyworld.world import World
 from polyworld.world.materials import Form, material_of
 

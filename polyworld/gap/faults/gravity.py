@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from polyworld.data.recording import Recording
-from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import of_path, one_start
+from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.conditions import conditions
 from polyworld.world import World
 

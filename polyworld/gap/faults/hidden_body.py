@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from polyworld.data.recording import Recording
 from polyworld.effects.absence import coordinates
 from polyworld.effects.conditions import Conditions
-from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.adding import free_name, of_path, with_parts
+from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.conditions import conditions, reach
 from polyworld.gap.kinks import Kink, kinks
 from polyworld.world import StaticObject, World, geometry
@@ -31,15 +31,14 @@ def _body(world: World, recording: Recording) -> tuple[Variant, ...]:
     if not world.objects or len(found.axes) < 2:
         return ()
     made: list[Variant] = []
-    whole = all(run.part_of is None for run in recording.runs)  # else each part would find a struck body back at rest
     for kind in ("rigid_planar", "rigid_spatial"):
         struck = [k for k in kinks(world, recording) if world.object(k.name).representation == kind]
         floor = _floor(world) if kind == "rigid_spatial" else None
         low = [k for k in struck if floor is not None and _lies(world, k, floor)]
         high = [k for k in struck if kind == "rigid_spatial" and not any(k is x for x in low)]
-        if kind == "rigid_planar" and struck and whole:
+        if kind == "rigid_planar" and struck:
             made.append(_free_body(world, found, struck, None))
-        if low and whole:
+        if low:
             made.append(_free_body(world, found, low, floor))
         if high:
             made.append(_fixed_body(world, found, high))

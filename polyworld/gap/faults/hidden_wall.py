@@ -1,9 +1,14 @@
-"""A wall that nobody sees: a plane of any direction that paths turn back at."""
+"""A wall or a table that nobody sees: a plane of any direction that paths turn back at.
+
+Changes of course of all runs together give it: their places lie on the plane, their jumps point away from it, and the
+ratio of velocities across it is the restitution.
+"""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,21 +16,39 @@ from scipy.spatial.transform import Rotation
 
 from polyworld.data.recording import Recording
 from polyworld.effects.conditions import Conditions
-from polyworld.estimation.candidate import Candidate, Variant
+from polyworld.estimation.unknown import Unknown
 from polyworld.gap.adding import free_name, of_path, with_parts
+from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.conditions import conditions, reach, tracks
 from polyworld.gap.kinks import Kink, kinks
 from polyworld.world import StaticObject, World, geometry
-from polyworld.world.shapes import Plane
+from polyworld.world.shapes import Plane, Sphere
 
 Array = NDArray[np.float64]
 
 MOST_STARTS = 6
-MOST_HITS = 6  # the sharpest
+MOST_TURN = 1.0  # [rad] from its axis: beyond pi / 4 it is another axis' wall, whose offset says where it stands
+MOST_HITS = 24  # the sharpest
+PAIRED = 6  # of which each two may show a wall
 BEYOND = 0.5  # of a body's radius that paths may reach behind a wall before it cannot stand there
 SKEW = 0.15  # error of a wall's direction that noise may make [rad]
+FRICTION = 0.5  # whose cone bends jumps off the normal, as between dry surfaces
 NEARBY = 0.5  # of a body's radius, within which two hits are too near to show how a wall runs
 SAME_FACE = 0.05  # angle [rad], and share of a body's radius, within which two walls are one
+DIRECTIONS = 16  # of planes at the edges of what was visited
+OUTERMOST = 0.005  # share of places that noise may have put beyond them
+GUESS = 0.7  # restitution where no change of course shows it
+SURFACE_SPEED = 3.0  # [m/s] of a ball's surface by a spin that nobody measured, as a hand or a racket gives
+
+
+@dataclass(frozen=True)
+class _Face:
+    """A plane: unit normal (3,), offset [m] along it, restitution, and how many hits lie on it."""
+
+    normal: Array
+    offset: float
+    restitution: float
+    hits: int
 
 
 def _wall(world: World, recording: Recording) -> tuple[Variant, ...]:
@@ -33,44 +56,82 @@ def _wall(world: World, recording: Recording) -> tuple[Variant, ...]:
     axes = _axes(world, found)
     if len(axes) < 2 or not world.objects:
         return ()
-    walls = _walls(world, recording, axes)
-    restitution = float(np.median([o.restitution for o in world.objects]))
-    friction = float(np.median([o.friction for o in world.objects]))
+    faces = _walls(world, recording, axes)
     made = []
     # A wall is described by where it crosses one axis, the one that it is most across, and by how it is turned.
     for axis, side in itertools.product(axes, (1.0, -1.0)):
-        own = [w for w in walls if axis == max(axes, key=lambda a: abs(float(w[0][a]))) and side * w[0][axis] > 0.0]
-        if not own:
-            continue
-        first = side * np.eye(3)[axis]
-        turned = [k for k in range(3) if k != axis and (len(axes) == 3 or k not in axes)]
-        name = free_name("hidden_wall", [*world.moving_names, *(s.name for s in world.statics)])
-        known = {"restitution": restitution} | ({"friction": friction} if friction else {})
-        wall = StaticObject(
-            name=name,
-            shape=Plane(normal=(float(first[0]), float(first[1]), float(first[2]))),
-            restitution=restitution,
-            friction=friction if friction else None,
-            dominant=True,
-        )
-        child = with_parts(world, statics=(*world.statics, wall))
-        # Where friction is enough to grip, more or less of it changes nothing: fits begin without any, too.
-        rough = [known, known | {"friction": 0.0}] if friction else [known]
-        starts = tuple(
-            {"offset": float(offset / n[axis])}
-            | {f"turn_{'xyz'[k]}": float(_turn(n, first)[k]) for k in turned}
-            | own_coefficients
-            for n, offset in own
-            for own_coefficients in rough
-        )
-        sizes = {"offset": (f"position.{'xyz'[axis]}", 0.1 * found.spread)}
-        sizes |= {f"turn_{'xyz'[k]}": (f"rotation.{'xyz'[k]}", 0.1) for k in turned}
-        sizes |= {label: (label, 0.2) for label in known}
-        unknowns = tuple(
-            of_path(child, (f"statics.{name}.{field}",), label, starts[0][label], typical)
-            for label, (field, typical) in sizes.items()
-        )
-        made.append(Variant(child, unknowns, starts, f"across {'xyz'[axis]}, facing {'-+'[side > 0]}{'xyz'[axis]}"))
+        own = [
+            w for w in faces if axis == max(axes, key=lambda a: abs(float(w.normal[a]))) and side * w.normal[axis] > 0.0
+        ]
+        if own:
+            made += [_variant(world, recording, found, axes, own, axis, side, rough) for rough in (False, True)]
+    return tuple(v for v in made if v is not None)
+
+
+def _variant(
+    world: World,
+    recording: Recording,
+    found: Conditions,
+    axes: Sequence[int],
+    faces: Sequence[_Face],
+    axis: int,
+    side: float,
+    rough: bool,
+) -> Variant | None:
+    """Return a smooth wall, or a rough one at which balls spin as nobody measured."""
+    spins = _spins(world, recording) if rough else ()
+    if rough and not any(o.friction for o in world.objects):
+        return None
+    first = side * np.eye(3)[axis]
+    turned = [k for k in range(3) if k != axis and (len(axes) == 3 or k not in axes)]
+    name = free_name("hidden_wall", [*world.moving_names, *(s.name for s in world.statics)])
+    known = {"restitution": faces[0].restitution} | ({"friction": FRICTION} if rough else {})
+    wall = StaticObject(
+        name=name,
+        shape=Plane(normal=(float(first[0]), float(first[1]), float(first[2]))),
+        restitution=faces[0].restitution,
+        friction=FRICTION if rough else 0.0,
+        dominant=True,
+    )
+    child = with_parts(world, statics=(*world.statics, wall))
+    starts = tuple(
+        {"offset": float(face.offset / face.normal[axis]), "restitution": face.restitution}
+        | {f"turn_{'xyz'[k]}": float(_turn(face.normal, first)[k]) for k in turned}
+        | ({"friction": FRICTION} if rough else {})
+        for face in faces
+    )
+    sizes = {"offset": (f"position.{'xyz'[axis]}", 0.1 * found.spread)}
+    sizes |= {f"turn_{'xyz'[k]}": (f"rotation.{'xyz'[k]}", 0.1) for k in turned}
+    sizes |= {label: (label, 0.2) for label in known}
+    unknowns = tuple(
+        of_path(child, (f"statics.{name}.{field}",), label, starts[0][label], typical, **_limits(label))
+        for label, (field, typical) in sizes.items()
+    )
+    label = f"across {'xyz'[axis]}, facing {'-+'[side > 0]}{'xyz'[axis]}"
+    return Variant(child, (*unknowns, *spins), starts, label + (", rough" if rough else ""))
+
+
+def _limits(label: str) -> dict[str, float]:
+    return {"lower": -MOST_TURN, "upper": MOST_TURN} if label.startswith("turn") else {}
+
+
+def _spins(world: World, recording: Recording) -> tuple[Unknown, ...]:
+    """Return the initial spins of balls in each run that did not measure them."""
+    made = []
+    for run in recording.runs:
+        for column, name in enumerate(run.names):
+            item = next((o for o in world.objects if o.name == name), None)
+            measured = (
+                np.isfinite(run.angular_velocities[:, column]).any() or np.isfinite(run.orientations[:, column]).any()
+            )
+            if item is None or world.planar or measured or not isinstance(item.shape, Sphere):
+                continue
+            most = SURFACE_SPEED / item.shape.radius
+            made += [
+                Unknown(f"spin_{a} of {name} in {run.name}", (f"objects.{name}.angular_velocity.{a}",), "rad/s", 0.0,
+                        -10.0 * most, 10.0 * most, 0.05 * most, run=run.name, plausible=most)
+                for a in "xyz"
+            ]  # fmt: skip
     return tuple(made)
 
 
@@ -93,85 +154,114 @@ def _turn(normal: Array, first: Array) -> Array:
     return found
 
 
-def _walls(world: World, recording: Recording, axes: Sequence[int]) -> list[tuple[Array, float]]:
-    """Return planes, unit normal (3,) and offset [m], that paths turn round at and never pass, the surest first."""
+def _walls(world: World, recording: Recording, axes: Sequence[int]) -> list[_Face]:
+    """Return planes that paths turn round at and never pass, those of most hits first."""
     points, radii = [], []
     for track in tracks(world, recording):
         seen = np.all(np.isfinite(track.places[:, list(axes)]), axis=1)
         points.append(np.where(np.isfinite(track.places[seen]), track.places[seen], 0.0))
         radii.append(np.full(int(seen.sum()), reach(world, world.object(track.name)) - 4.0 * track.noise))
     everywhere, radius = np.concatenate(points), np.concatenate(radii)
-    found: list[tuple[Array, float]] = []
-    for normal, kink in _faces(world, kinks(world, recording)[:MOST_HITS], axes):
-        if kink.before @ normal > 0.0:
-            continue  # it was pushed on, not turned back
+    hits = kinks(world, recording)[:MOST_HITS]
+    found: list[_Face] = []
+    for normal, kink in _normals(world, hits, axes):
         own = reach(world, world.object(kink.name))
         touched = float(kink.place @ normal) - own
+        if kink.before @ normal > 0.0:
+            continue  # it was pushed on, not turned back
         beside = (everywhere - kink.place)[:, list(axes)]
         along = np.linalg.norm(beside - np.outer(beside @ normal[list(axes)], normal[list(axes)]), axis=1)
         if np.any(everywhere @ normal - radius < touched - BEYOND * own - SKEW * along):
             continue
-        if any(n @ normal > np.cos(SAME_FACE) and abs(o - touched) < SAME_FACE * own for n, o in found):
-            continue
-        found.append((normal, touched))
-        if len(found) == MOST_STARTS:
-            break
+        near = [h for h in hits if abs(float(h.place @ normal) - reach(world, world.object(h.name)) - touched) < own]
+        near = [h for h in near if h.before @ normal < 0.0 < h.after @ normal]
+        ratios = [float(-(h.after @ normal) / (h.before @ normal)) for h in near]
+        face = _Face(normal, touched, float(np.clip(np.median(ratios), 0.05, 1.0)) if ratios else 0.5, len(near))
+        if all(n.normal @ normal < np.cos(SAME_FACE) or abs(n.offset - touched) > SAME_FACE * own for n in found):
+            found.append(face)
+    return [*sorted(found, key=lambda f: -f.hits)[:MOST_STARTS], *_edges(world, everywhere, radius, axes)]
+
+
+def _edges(world: World, places: Array, radius: Array, axes: Sequence[int]) -> list[_Face]:
+    """Return upright planes at the edges of what was visited, in every direction: noise may hide changes of course, and
+    which of these planes describe the data is seen by trying."""
+    gravity = np.abs(np.asarray(world.environment.gravity, dtype=float))
+    level = [a for a in axes if world.planar or not gravity.any() or a != int(np.argmax(gravity))]
+    if len(level) < 2 or world.joints:
+        return []
+    found = []
+    for angle in np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS):
+        normal = np.zeros(3)
+        normal[level[0]], normal[level[1]] = np.cos(angle), np.sin(angle)
+        found.append(_Face(normal, float(np.quantile(places @ normal - np.maximum(radius, 0.0), OUTERMOST)), GUESS, 0))
     return found
 
 
-def _faces(world: World, hits: Sequence[Kink], axes: Sequence[int]) -> list[tuple[Array, Kink]]:
+def _normals(world: World, hits: Sequence[Kink], axes: Sequence[int]) -> list[tuple[Array, Kink]]:
     """Return normals (3,) that walls may have, and a hit that shows where each stands.
 
-    Places of several hits lie on the wall: through all of them, then through each two, the farthest apart first; then
-    of single hits, along the jump of the velocity, or bent from it by friction, which acts against the motion along
-    the wall, by up to the angle of the friction cone.
+    Through all hits whose jumps point the same way, robustly; then through each two, the farthest apart first; then of
+    single hits, along the jump of the velocity, or bent from it by friction by up to the angle of the friction cone.
     """
     inside = np.zeros(3)
     inside[list(axes)] = 1.0
-    found: list[tuple[float, Array, Kink]] = []
-    for count in range(len(hits), 1, -1):
-        for group in itertools.combinations(hits, count) if count in (2, len(hits)) else ():
-            if len({k.name for k in group}) > 1:
-                continue  # places are those of centres
-            normal, extent = _through(group, inside)
-            cone = np.arctan(world.object(group[0].name).friction) + SKEW
-            separated = extent > NEARBY * reach(world, world.object(group[0].name))
-            if normal is not None and separated and all(k.direction @ normal > np.cos(cone) for k in group):
-                found.append((extent + (1e3 if count > 2 else 0.0), normal, group[0]))
+    cone = np.arctan(FRICTION) + SKEW
     faces: list[tuple[Array, Kink]] = []
-    for _, normal, kink in sorted(found, key=lambda f: -f[0]):
+    for kink in hits[:PAIRED]:
+        group = [h for h in hits if h.name == kink.name and h.direction @ kink.direction > np.cos(2.0 * cone)]
+        if len(group) > 2:
+            normal, extent = _through(group, inside)
+            if normal is not None and extent > NEARBY * reach(world, world.object(kink.name)):
+                middle = _along(group, normal)[len(group) // 2]
+                faces += [(way, middle) for way in (normal, *_upright(world, normal))]
+    pairs: list[tuple[float, Array, Kink]] = []
+    for group2 in itertools.combinations(hits[:PAIRED], 2):
+        if len({k.name for k in group2}) > 1:
+            continue  # places are those of centres
+        normal, extent = _through(group2, inside)
+        far = extent > NEARBY * reach(world, world.object(group2[0].name))
+        if normal is not None and far and all(k.direction @ normal > np.cos(cone) for k in group2):
+            pairs.append((extent, normal, group2[0]))
+    for _, normal, kink in sorted(pairs, key=lambda f: -f[0]):
         faces += [(way, kink) for way in (*_upright(world, normal), normal)]
-    for kink in hits:
+    for kink in hits[:PAIRED]:
         jump = kink.jump * inside
         size = float(np.linalg.norm(jump))
         if not size:
             continue
         bend = np.cross(jump, kink.before * inside)
         turning = float(np.linalg.norm(bend))
-        angle = float(np.arctan(world.object(kink.name).friction))
+        angle = float(np.arctan(FRICTION))
         for turn in (0.0, angle, -angle) if turning > 1e-9 else (0.0,):
             by = Rotation.from_rotvec(bend / max(turning, 1e-12) * turn)
             faces.append((by.apply(jump / size), kink))
     return faces
 
 
+def _along(hits: Sequence[Kink], normal: Array) -> list[Kink]:
+    """Return hits in the order of their places along a normal."""
+    return sorted(hits, key=lambda h: float(h.place @ normal))
+
+
 def _upright(world: World, normal: Array) -> list[Array]:
-    """Return a normal (3,) made level, where it nearly is: most walls stand upright, and friction against a fall or a
-    spin bends jumps off them upwards."""
+    """Return a normal (3,) made level, where it nearly is, or upright: most walls stand so and most tables lie so, and
+    friction against a fall or a spin bends jumps off them."""
     gravity = np.asarray(world.environment.gravity, dtype=float)
     if world.planar or not gravity.any():
         return []
-    down = gravity / np.linalg.norm(gravity)
-    level = normal - (normal @ down) * down
+    up = -gravity / np.linalg.norm(gravity)
+    level = normal - (normal @ up) * up
     size = float(np.linalg.norm(level))
-    return [level / size] if size > np.cos(2.0 * SKEW) else []
+    if size > np.cos(2.0 * SKEW):
+        return [level / size]
+    return [up] if normal @ up > np.cos(2.0 * SKEW) else []
 
 
 def _through(hits: Sequence[Kink], inside: Array) -> tuple[Array | None, float]:
     """Return the normal (3,) of the plane through the places of hits that is nearest to their jumps, and their spread
     [m]."""
     places = np.array([k.place for k in hits]) * inside
-    about = places - places.mean(axis=0)
+    about = places - np.median(places, axis=0) if len(hits) > 3 else places - places.mean(axis=0)
     _, size, ways = np.linalg.svd(about, full_matrices=False)
     along = ways[: min(int(inside.sum()) - 1, len(hits) - 1)]
     jump = np.sum([k.direction * inside for k in hits], axis=0)

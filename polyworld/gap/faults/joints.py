@@ -9,8 +9,8 @@ import numpy as np
 from polyworld.data.recording import Recording
 from polyworld.effects.absence import WIDE
 from polyworld.effects.conditions import SHARE, Conditions
-from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import of_path, one_start, with_parts
+from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.conditions import conditions, moment_arm
 from polyworld.world import World
 from polyworld.world.parameters import parameter_paths
@@ -87,7 +87,7 @@ def _delay(world: World, recording: Recording) -> tuple[Variant, ...]:
         path = f"joints.{joint.name}.motor.delay"
         unknown = of_path(world, (path,), "delay", motor.delay, 2.0 * step, upper=found.duration, plausible=SLOW)
         starts = tuple({"delay": motor.delay + share * found.duration} for share in (0.0, 0.05, 0.15))
-        made.append(Variant(world, (unknown,), starts, f"of {joint.name}" if len(driven) > 1 else "", "delay"))
+        made.append(Variant(world, (unknown,), starts, f"of {joint.name}" if len(driven) > 1 else ""))
     return tuple(made)
 
 

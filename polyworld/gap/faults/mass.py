@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from polyworld.data.recording import Recording
-from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import of_path, one_start
+from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.conditions import conditions
 from polyworld.world import World
 from polyworld.world.parameters import object_mass

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
-from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.gap.adding import one_start
+from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.faults.observer_scale_and_time import measured_axes, observed, of_observer
 from polyworld.world import World
 
@@ -55,7 +55,7 @@ def _bent(
         low, high = float(centre[a] - 2.0 * reach), float(centre[a] + 2.0 * reach)
         limits = {"lower": low, "upper": high, "plausible": reach}
         unknowns.append(of_observer(child, f"centre.{'xyz'[a]}", f"centre_{'xyz'[a]}", 0.2 * reach, **limits))
-    return one_start(child, unknowns, label, strength="distortion")
+    return one_start(child, unknowns, label)
 
 
 def _keystone(world: World, recording: Recording) -> tuple[Variant, ...]:

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from polyworld.data.recording import Recording, Run
-from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.adding import of_path, one_start, with_parts
-from polyworld.gap.dropped_frames import score_test_dropped_frames
+from polyworld.gap.candidate import Candidate, Variant
 from polyworld.world import World
 from polyworld.world.observer import MARGIN, Observer
 
@@ -69,7 +68,7 @@ def _scale_about_own_point(world: World, recording: Recording) -> Variant:
     for a in axes:
         limits = {"lower": float(middle[a] - 2.0 * reach), "upper": float(middle[a] + 2.0 * reach), "plausible": reach}
         unknowns.append(of_observer(child, f"centre.{'xyz'[a]}", f"centre_{'xyz'[a]}", 0.2 * reach, **limits))
-    return one_start(child, unknowns, "about a point of its own", strength="scale")
+    return one_start(child, unknowns, "about a point of its own")
 
 
 def _clock(world: World, recording: Recording) -> tuple[Variant, ...]:
@@ -119,7 +118,7 @@ def _dropped(world: World, recording: Recording) -> tuple[Variant, ...]:
             of_observer(child, "shift_time", "shift_time", 10.0 * interval, lower=first, upper=last),
         )
         label = "" if len(recording.runs) == 1 else f"in run {run.name}"
-        made.append(one_start(child, unknowns, label, strength="shift"))
+        made.append(one_start(child, unknowns, label))
     return tuple(made)
 
 
@@ -177,6 +176,5 @@ CANDIDATES = (
             "fan": "the jump is a displacement along the velocity, with no change of velocity",
             "observer_clock": "the delay does not grow",
         },
-        score_test=score_test_dropped_frames,
     ),
 )

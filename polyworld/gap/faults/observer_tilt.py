@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
-from polyworld.estimation.candidate import Candidate, Variant
 from polyworld.expressions.effect import law_of
 from polyworld.gap.adding import one_start
+from polyworld.gap.candidate import Candidate, Variant
 from polyworld.gap.faults.observer_scale_and_time import is_bare, measured_axes, observed, of_observer
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.shapes import Plane

@@ -48,7 +48,7 @@ def test_words_world_and_pictures_are_written(folder: Path, capsys: pytest.Captu
     printed = capsys.readouterr().out
     assert printed.startswith("identified: quadratic_drag")
     assert "closed" in printed
-    assert "null control: nothing_missing" in printed
+    assert "quadratic_drag 100%" in printed
     assert json.loads(better.read_text())["effects"][0]["name"] == "quadratic_drag"
     assert {p.name for p in pictures.iterdir()} == {"residuals.png", "paths.png", "map.png"}
 
@@ -70,6 +70,16 @@ def test_errors_say_what_is_wrong_with_which_file(folder: Path, capsys: pytest.C
     assert "restitution" in failure(capsys, *arguments(folder, "--fit", "objects.ball.restitutionn"))
     assert "r9" in failure(capsys, *arguments(folder, "--seal", "r9"))
     assert "nothing.csv" in failure(capsys, *arguments(folder, "--data", str(folder / "nothing.csv")))
+
+
+def test_lengths_in_millimetres_are_refused_unless_units_are_stated(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = write_table(folder / "millimetres.csv", [run * [1.0, 1e3, 1e3, 1e3] for run in flown()])
+    message = failure(capsys, *arguments(folder, "--data", str(table), "--effects", "tilt"))
+    assert "mm" in message
+    assert main(arguments(folder, "--data", str(table), "--effects", "tilt", "--units", "m,s")) == 0
+    assert capsys.readouterr().out
 
 
 def test_wrong_usage_has_its_own_exit_code(folder: Path) -> None:

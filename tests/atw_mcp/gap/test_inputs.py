@@ -54,9 +54,9 @@ def test_the_gap_that_the_readme_shows_is_what_the_command_prints(capsys: pytest
     assert main(["gap", "--data", str(throws), "--object", "ball:sphere:d=40mm:2.7g"]) == 0
     printed, shown = capsys.readouterr().out, README.read_text()
     for figures in (
-        "identified: quadratic_drag (coefficient 0.0003774 kg/m, 95% 0.0003748 to 0.00038); next best wind, EBIC 8.335",
-        "gap 0.004693 m before, 0 after, 100% closed; noise 0.001105 m",
-        "null control: nothing_missing in data made from the base world, with its noise",
+        "identified: quadratic_drag (coefficient 0.0003775 kg/m, 95% 0.0003703 to 0.0003847)",
+        "9.835 standard deviations of the noise without an effect, 1.005 with it",
+        "gap 0.004749 m before, 0 after, 100% closed; noise 0.001101 m",
     ):
         assert figures in printed
         assert figures in shown

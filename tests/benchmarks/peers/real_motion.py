@@ -21,11 +21,15 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares, minimize_scalar
 
 from polyworld.data.recording import Recording, Run
-from polyworld.estimation import profile
-from polyworld.estimation.design import design
-from polyworld.estimation.forward import Forward, Settings
-from polyworld.estimation.noise import measured_noise
+from polyworld.estimation.least_squares import Point
+from polyworld.estimation.run_noise import run_noise
+from polyworld.estimation.run_readout import CHANNELS
 from polyworld.estimation.unknown import Unknown
+from polyworld.gap import GapSettings
+from polyworld.gap.fitting import Fitted
+from polyworld.gap.ground import Ground
+from polyworld.gap.hypothesis import Hypothesis
+from polyworld.gap.sealed import settled
 from polyworld.world import Effect, World
 from polyworld.world.parameters import with_parameters
 from tests import real_data
@@ -106,18 +110,24 @@ def engine(name: str, world: World, unknowns: Sequence[Unknown], fitted: Recordi
 
 def _fit(world: World, unknowns: tuple[Unknown, ...], recording: Recording) -> tuple[Array, float, float]:
     """Return values, RMSE [m] of positions, and the noise [m]."""
-    plan = design(world, recording)
-    forward, noise = Forward(plan, world, unknowns), measured_noise(plan)
-    start = np.array([u.start for u in unknowns])
-    found = profile.fit(forward, noise, start, profile.start_states(plan), horizons=profile.horizons_for(plan))
-    settings = [Settings(r.index, found.values[None], found.states[r.index][None]) for r in plan.runs]
+    found = settled(world, recording, unknowns)
+    return found.values, *_in_metres(found)
+
+
+def _in_metres(found: Fitted, split: Sequence[float] | None = None, late: bool = False) -> tuple[float, float]:
+    """Return RMSE and noise [m] of positions; split: instants up to which, or with `late` after which, they count."""
     squares, levels = [], []
-    for run, raw in zip(plan.runs, forward.residuals(settings), strict=True):
-        for series in run.series:
-            if series.kind == "position":
-                squares.append(raw[0, series.where] ** 2)
-                levels.append(noise.sigma[series.run][series.where] ** 2)
-    return found.values, _root(squares), _root(levels)
+    ground = found.ground
+    runs = zip(ground.recording.runs, ground.readouts, found.slopes, strict=True)
+    for r, (run, readout, one) in enumerate(runs):
+        columns = readout.columns()
+        kept = columns % CHANNELS < 3
+        if split is not None:
+            kept &= (run.times[readout.rows()] > split[r] + 1e-9) == late
+        sigma = readout.sigma[columns[kept]]
+        squares.append((one.residuals[kept] * sigma) ** 2)
+        levels.append(sigma**2)
+    return _root(squares), _root(levels)
 
 
 def _root(parts: Sequence[Array]) -> float:
@@ -252,24 +262,14 @@ def tosses() -> list[Score]:
     free, flights = real_data.cube_flight(numbers)
     world, whole = real_data.cube_toss(numbers)
     began = time.process_time()
-    plan = design(free, flights)
-    forward, noise = Forward(plan, free, ()), measured_noise(plan)
-    found = profile.fit(forward, noise, np.zeros(0), profile.start_states(plan))
-    full = Forward(design(world, whole), world, ())
-    settings = [Settings(r.index, np.zeros((1, 0)), found.states[r.index][None]) for r in full.design.runs]
-    inside: list[Array] = []
-    outside: list[Array] = []
-    for run, flight, raw in zip(full.design.runs, flights.runs, full.residuals(settings), strict=True):
-        for series in run.series:
-            if series.kind == "position":
-                squares = raw[0, series.where] ** 2
-                early = np.asarray(run.times)[series.rows] <= flight.times[-1] + 1e-9
-                inside.append(squares[early])
-                outside.append(squares[~early])
-    levels = [noise.sigma[s.run][s.where] ** 2 for s in plan.series if s.kind == "position"]
-    own = Score(
-        "cube, published coefficients", _root(inside), _root(outside), _root(levels), "m", time.process_time() - began
-    )
+    flown = settled(free, flights)
+    ground = Ground(world, whole, GapSettings(), run_noise(whole.runs))
+    problem = ground.problem(Hypothesis(world))
+    at = Point(np.zeros(0), flown.point.states)
+    thrown = Fitted(Hypothesis(world), ground, problem, at, at, problem.normal(at, 1.0), 1.0, 0.0)
+    ends = [flight.times[-1] for flight in flights.runs]
+    (inside, noise), (outside, _) = (_in_metres(thrown, ends, late) for late in (False, True))
+    own = Score("cube, published coefficients", inside, outside, noise, "m", time.process_time() - began)
     return [own, _bouncing(world, whole, flights, own.noise)]
 
 

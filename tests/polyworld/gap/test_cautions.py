@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from polyworld.data.recording import Recording
-from polyworld.estimation.design import design
 from polyworld.gap.cautions import cautions
 from polyworld.world import World
 from tests.polyworld.gap_scenes import Bouncing, ball_recording, ball_world, launches
@@ -34,22 +33,22 @@ def with_turns(recording: Recording) -> Recording:
 
 
 def test_a_whole_recording_calls_for_no_caution() -> None:
-    assert cautions(design(ball_world(), with_turns(seen(0, 1, 2)))) == ()
+    assert cautions(ball_world(), with_turns(seen(0, 1, 2))) == ()
 
 
 def test_a_spin_that_nobody_measured_is_reported_with_what_it_is_taken_for() -> None:
-    (said,) = cautions(design(ball_world(), seen(0, 1, 2)))
+    (said,) = cautions(ball_world(), seen(0, 1, 2))
     assert said.startswith("neither turns nor spins of ball were measured")
     assert "(0, 0, 0) rad/s" in said
 
 
 def test_components_that_were_never_measured_are_named() -> None:
-    (said,) = cautions(design(ball_world(), with_turns(seen(0, 2))))
+    (said,) = cautions(ball_world(), with_turns(seen(0, 2)))
     assert said.startswith("y of ball was never measured")
 
 
 def test_short_series_make_the_verdict_a_guess() -> None:
-    (said,) = cautions(design(ball_world(), with_turns(seen(0, 1, 2, count=12))))
+    (said,) = cautions(ball_world(), with_turns(seen(0, 1, 2, count=12)))
     assert said.startswith("series of 12 instants")
 
 
@@ -62,7 +61,7 @@ def test_what_hinges_of_planar_worlds_cannot_do_is_said() -> None:
     document["objects"][0]["representation"] = "rigid_planar"
     planar = World.model_validate(document)
     said = {
-        world.planar: any("rigid_spatial" in c for c in cautions(design(world, with_turns(seen(0, 1, 2)))))
+        world.planar: any("rigid_spatial" in c for c in cautions(world, with_turns(seen(0, 1, 2))))
         for world in (planar, spatial)
     }
     assert said == {True: True, False: False}

@@ -1,4 +1,4 @@
-"""Frames that a camera dropped: their onset and length from one fit that knows nothing of them."""
+"""Frames that a camera dropped or repeated in one run: which run, since when and how many."""
 
 from dataclasses import replace
 
@@ -6,55 +6,49 @@ import numpy as np
 import pytest
 
 from polyworld.data.recording import Recording, Run
-from polyworld.estimation.design import design
-from polyworld.estimation.hypothesis import extended
-from polyworld.gap.catalogue import catalogue
-from polyworld.gap.dropped_frames import score_test_dropped_frames
-from polyworld.gap.examine import fitted_base
-from tests.polyworld.gap_scenes import ball_world
+from polyworld.gap import GapReport, find_gap
+from polyworld.gap.catalogue import named
+from polyworld.world import World
 
-RATE, ONSET, DROPPED = 100.0, 0.7, 3  # frames a second, seconds, frames
+RATE, ONSET = 100.0, 0.7  # frames a second, seconds
 
 
-def turning(velocity: float, spin: float, sigma: float = 0.001, dropped: float = DROPPED) -> Recording:
-    """Two flights of a turning ball without a bounce; the first loses so many frames."""
+def turning(velocity: float, frames: float, sigma: float = 0.001) -> Recording:
+    """Four flights of a turning ball without a bounce; the second loses so many frames."""
     rng = np.random.default_rng(4)
     stamps = np.arange(100) / RATE
     runs = []
-    for k in range(2):
-        times = stamps + (stamps > ONSET) * (dropped / RATE if k == 0 else 0.0)
-        places = np.stack([velocity * times, 0.0 * times, 8.0 - 0.5 * 9.81 * times**2], axis=-1)
-        half = 0.5 * (spin * times + rng.normal(0.0, sigma, len(times)))
+    for k in range(4):
+        times = stamps + (stamps > ONSET) * (frames / RATE if k == 1 else 0.0)
+        places = np.stack([velocity * (1.0 + 0.05 * k) * times, 0.0 * times, 8.0 - 0.5 * 9.81 * times**2], axis=-1)
+        half = 0.5 * (15.0 * times + rng.normal(0.0, sigma, len(times)))
         turned = np.stack([np.cos(half), 0.0 * half, np.sin(half), 0.0 * half], axis=-1)
         places += rng.normal(0.0, sigma, places.shape)
         runs.append(Run(f"run{k}", ("ball",), stamps, places[:, None], turned[:, None]))
     return Recording(tuple(runs))
 
 
-@pytest.mark.parametrize("shown_by", ["places and turns", "turns alone"])
-def test_onset_and_length_of_a_gap_in_the_frames(shown_by: str) -> None:
-    recording = turning(4.0, 15.0)
-    if shown_by == "turns alone":
-        still = turning(0.0, 15.0).runs
-        recording = Recording(
-            tuple(replace(r, positions=np.where([True, False, False], r.positions, np.nan)) for r in still)
-        )
-    base = fitted_base(design(ball_world(), recording), ())
-    ways = [h for h in extended(base.hypothesis, catalogue()["dropped_frames"], recording)]
-    best = score_test_dropped_frames(base.context, base, ways, 3)[0]
-    values = dict(zip((u.name for u in best.hypothesis.unknowns), best.values, strict=True))
-    assert best.hypothesis.world.observer is not None
-    assert best.hypothesis.world.observer.shift_run == "run0"
-    assert values["shift_time"] == pytest.approx(ONSET, abs=1.5 / RATE)
-    assert values["shift"] == pytest.approx(DROPPED / RATE, rel=0.1)
+def found(recording: Recording) -> GapReport:
+    ball = {"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}, "position": [0, 0, 1], "mass": 0.5}
+    world = World.model_validate({"objects": [ball], "time": {"seconds_per_frame": 1.0 / RATE}})
+    return find_gap(world, recording, candidates=named(["dropped_frames", "linear_drag", "tilt"]))
+
+
+@pytest.mark.parametrize(("frames", "shown_by"), [(3, "places and turns"), (-2, "places and turns"), (3, "turns")])
+def test_onset_and_number_of_frames(frames: int, shown_by: str) -> None:
+    recording = turning(4.0, frames)
+    if shown_by == "turns":
+        still = turning(0.0, frames).runs
+        recording = Recording(tuple(replace(r, positions=r.positions * [1.0, np.nan, np.nan]) for r in still))
+    report = found(recording)
+    assert (report.verdict.kind, report.names) == ("identified", ("dropped_frames",))
+    observer = report.world.observer
+    assert observer is not None
+    assert observer.shift_run == "run1"
+    assert observer.shift == pytest.approx(frames / RATE, abs=0.1 / RATE)
+    assert observer.shift_time == pytest.approx(ONSET + 0.5 / RATE, abs=1.5 / RATE)
 
 
 def test_a_lag_of_a_third_of_a_frame_is_no_frame_that_was_dropped() -> None:
     """So late is a model that makes an impact in no time of what took some milliseconds."""
-    for lag, found in ((0.3, False), (1.0, True)):
-        recording = turning(4.0, 15.0, dropped=lag)
-        base = fitted_base(design(ball_world(), recording), ())
-        ways = extended(base.hypothesis, catalogue()["dropped_frames"], recording)
-        onsets = score_test_dropped_frames(base.context, base, ways, 3)
-        assert bool(onsets) is found
-        assert all(abs(tested.values[0]) > 0.5 / RATE for tested in onsets)
+    assert "dropped_frames" not in found(turning(4.0, 0.3)).names

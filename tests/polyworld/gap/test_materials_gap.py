@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from polyworld.data.recording import Recording, Run
-from polyworld.estimation import profile
-from polyworld.estimation.design import design
-from polyworld.estimation.forward import Forward, Settings
-from polyworld.estimation.noise import measured_noise
-from polyworld.estimation.unknown import Unknown
-from tests.scenes.fluids import filling, filling_case, sinking_case, swaying_case
+from polyworld.estimation.run_noise import RunNoise
+from polyworld.gap import GapSettings, find_gap
+from polyworld.gap.catalogue import named
+from polyworld.gap.ground import Ground
+from polyworld.gap.hypothesis import Hypothesis
+from polyworld.gap.report import effects_of
+from tests.scenes.fluids import filling_case, sinking_case, swaying_case
 from tests.scenes.materials import Case, falling_case, rope_case, strip_case, swinging_case
 
 Draw = Callable[[np.random.Generator, str | None], Case]
@@ -19,10 +20,12 @@ Draw = Callable[[np.random.Generator, str | None], Case]
 
 def residuals(case: Case) -> np.ndarray:
     """Simulated less recorded (m,) [m], without noise."""
-    turns = np.full((*case.paths.shape[:2], 4), np.nan)
-    plan = design(case.world, Recording((Run("run", case.markers, case.times, case.paths, turns),)))
-    states = profile.start_states(plan)[0]
-    return Forward(plan, case.world, ()).residuals([Settings(0, np.zeros((1, 0)), states[None])])[0][0]
+    count = len(case.markers)
+    run = Run("run", case.markers, case.times, case.paths, np.full((len(case.times), count, 4), np.nan))
+    metre = RunNoise(*(np.ones((count, 3)) for _ in range(3)))
+    problem = Ground(case.world, Recording((run,)), GapSettings(), (metre,)).problem(Hypothesis(case.world))
+    found: np.ndarray = problem.linearised(problem.start(), 1.0)[0].residuals
+    return found
 
 
 def test_markers_of_a_rope_move_as_a_chain_of_masses_on_springs() -> None:
@@ -49,16 +52,13 @@ def test_errors_of_a_scene_without_a_hidden_effect_stay_below_its_noise(case: Dr
     assert float(np.sqrt(np.mean(residuals(described) ** 2))) < share * described.sigma
 
 
-def test_slope_by_the_rate_of_a_tap_shows_through_the_splashes() -> None:
-    """Along the closed form's own slope, of the height of the centre by the rate, within 30%."""
-    case = filling_case(np.random.default_rng(0), None)
-    turns = np.full((len(case.times), 1, 4), np.nan)
-    plan = design(case.world, Recording((Run("run", case.markers, case.times, case.paths, turns),)))
-    noise = measured_noise(plan)
-    rate = Unknown("rate", ("emitters.tap.rate",), "m^2/s", case.value, 0.0, 1.0, 0.3 * case.value)
-    forward = Forward(plan, case.world, (rate,))
-    slope = profile.linearise(forward, noise, np.array([case.value]), profile.start_states(plan)).a[0][:, 0]
-    box = {"width": 0.3, "depth": 0.09, "height": 0.25}
-    low, high = (filling(case.times, rate=q, speed=q / 0.06, **box) for q in (0.019, 0.021))
-    described = noise.whiten(0, ((high - low) / 0.002)[None])[0]
-    assert float(slope @ described / (described @ described)) == pytest.approx(1.0, abs=0.3)
+def test_stiffness_of_a_rope_is_found() -> None:
+    case = rope_case(np.random.default_rng(0), "stretch_stiffness")
+    recording, _ = case.recordings(np.random.default_rng(1))
+    offered = named(["stretch_stiffness", "gravity_error"])
+    early = Recording(tuple(r.rows(r.times < 0.8) for r in recording.runs))
+    report = find_gap(case.world, early, candidates=offered)
+    assert (report.verdict.kind, report.names) == ("identified", ("stretch_stiffness",))
+    (unknown,) = effects_of(report.verdict.best)[0]["unknowns"].values()
+    low, high = unknown["interval95"]
+    assert abs(unknown["value"] - case.value) < high - low

@@ -62,7 +62,7 @@ laws.loader.exec_module(sys.modules["polyworld.effects"])
 engine.loader.exec_module(sys.modules["polyworld"])
 
 import numpy as np
-from polyworld.gap import GapSettings, find_gap
+from polyworld.gap import find_gap
 from polyworld.gap.catalogue import catalogue, named
 from polyworld.data.recording import Recording, Run
 from polyworld.world import World
@@ -86,7 +86,6 @@ report = find_gap(
     world,
     Recording(tuple(runs)),
     candidates=named(["tilt", "linear_drag", "half_space_push"]),
-    settings=GapSettings(null_control=False, experiment=False),
 ).to_dict()
 print(json.dumps({
     "group": candidate.group,

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from polyworld.data.recording import Recording, Run
-from polyworld.gap import GapSettings, find_gap
+from polyworld.gap import find_gap
 from polyworld.gap.catalogue import catalogue, named
+from polyworld.gap.report import effects_of
 from polyworld.world import World
 from tests.polyworld.gap_scenes import RADIUS, Bouncing, ball_recording, ball_world, launches
 from tests.scenes.ball import Ball, Launch, Plane, fly
@@ -59,49 +60,19 @@ def test_one_hit_is_tried_with_the_jump_bent_to_either_side() -> None:
     v = -3.5 * NORMAL + 2.5 * aside
     data = recorded([Launch((0.0, 0.0, 2.0), (float(v[0]), float(v[1]), 2.0))])
     found = starts(data)
-    assert min(turned(turn) for _, turn in found) < 0.75 * turned(found[0][1])  # the jump itself misleads
+    assert min(turned(turn) for _, turn in found) < 0.1  # the jump itself is 0.25 off
 
 
-@pytest.mark.parametrize("normal", [(0.37, -0.21, 0.9), (-0.7, 0.3, 0.64)])
-def test_a_slanted_wall_is_found_in_free_flight(normal: tuple[float, float, float]) -> None:
-    """Throws without any floor, reflected by SciPy at a plane that is neither upright nor level."""
+def test_a_slanted_wall_in_free_flight_is_found_with_its_own_restitution() -> None:
+    """Throws without any floor of a ball of restitution 0.8, reflected by SciPy at a plane with less."""
     rng = np.random.default_rng(7)
     begins = launches(rng, 6)
-    across = np.array(normal) / np.linalg.norm(normal)
+    across = np.array([0.37, -0.21, 0.9]) / np.linalg.norm([0.37, -0.21, 0.9])
     offset = min(float(b.place @ across) for b in begins) - 1.2 * RADIUS
     hidden = Bouncing(after=lambda speed, along: (0.7 * speed, along), planes=((across, offset),))
     data = ball_recording(hidden, begins, rng, 0.002, duration=1.0, rate=60.0)
     world = ball_world().model_copy(update={"statics": ()})
-    candidates = named(["hidden_wall", "hidden_body", "gravity_error", "tilt"])
-    settings = GapSettings(null_control=False, experiment=False)
-    report = find_gap(world, data, candidates=candidates, settings=settings)
-    assert report.names == ("hidden_wall",)
-    values = report.to_dict()["effects"][0]["unknowns"]
-    assert values["restitution"]["value"] == pytest.approx(0.7, abs=0.03)
-
-
-@pytest.mark.parametrize("pair", [0.87, 0.3])
-def test_a_wall_off_which_a_ball_rebounds_unlike_off_anything_else_is_found_with_its_own_restitution(
-    pair: float,
-) -> None:
-    """A ball of restitution 0.6 in free flight beside a wall: thrown and reflected by SciPy."""
-    rng = np.random.default_rng(3)
-    begins = launches(rng, 6)
-    normal = np.array([np.cos(2.6), np.sin(2.6), 0.0])
-    offset = min(float(b.place @ normal) for b in begins) - 1.5 * RADIUS
-    hidden = Bouncing(after=lambda speed, along: (pair * speed, along), planes=((normal, offset),))
-    world = ball_world()
-    world = world.model_copy(
-        update={"objects": (world.objects[0].model_copy(update={"restitution": 0.6}),), "statics": ()}
-    )
-    report = find_gap(
-        world,
-        ball_recording(hidden, begins, rng, rate=60.0),
-        candidates=named(["hidden_wall", "hidden_body", "tether", "tilt"]),
-        settings=GapSettings(null_control=False, experiment=False),
-    )
-    assert report.names == ("hidden_wall",)
-    (effect,) = report.to_dict()["effects"]
-    low, high = effect["unknowns"]["restitution"]["interval95"]
-    assert low < pair < high
-    assert high - low < 0.05
+    report = find_gap(world, data, candidates=named(["hidden_wall", "hidden_body", "gravity_error", "tilt"]))
+    assert (report.verdict.kind, report.names) == ("identified", ("hidden_wall",))
+    low, high = effects_of(report.verdict.best)[0]["unknowns"]["restitution"]["interval95"]
+    assert low < 0.7 < high < 1.1 * low

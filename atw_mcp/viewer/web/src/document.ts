@@ -48,7 +48,7 @@ export interface CameraView {
 /** A hypothesis about what is missing. */
 export interface Candidate {
   title: string;
-  /** extended BIC above that of the best; null where it diverges or was not compared */
+  /** nats of evidence below the best; null where it diverges or was not compared */
   behind: number | null;
   explains: boolean;
   values: FittedParameter[];
@@ -341,7 +341,7 @@ export interface JointMark {
   held: number[];
 }
 
-/** The impulse that is missing between two segments of a run fitted with weak continuity. */
+/** A sudden change of velocity that nothing known explains. */
 export interface Jump {
   /** as in the series */
   run: string;

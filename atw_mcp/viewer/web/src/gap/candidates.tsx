@@ -10,7 +10,7 @@ export function Candidates({ candidates, compared }: { candidates: Candidate[]; 
         <h3>{compared ? "Hypotheses" : "The effect"}</h3>
         {compared && (
           <span class="soft small">
-            EBIC behind: extended Bayesian information criterion above that of the best; 10 is decisive
+            nats behind: evidence from the prediction of data left out, below the best; 3 are 20 to 1
           </span>
         )}
       </figcaption>
@@ -21,10 +21,10 @@ export function Candidates({ candidates, compared }: { candidates: Candidate[]; 
               <th scope="col">effect</th>
               {compared && (
                 <th scope="col" class="number">
-                  EBIC behind
+                  nats behind
                 </th>
               )}
-              <th scope="col">leaves only noise</th>
+              <th scope="col">explains the data</th>
               <th scope="col">values, with 95 % intervals</th>
             </tr>
           </thead>
@@ -32,8 +32,8 @@ export function Candidates({ candidates, compared }: { candidates: Candidate[]; 
             {candidates.map((c) => (
               <tr key={c.title} data-candidate={c.title} data-behind={c.behind ?? undefined} data-explains={c.explains}>
                 <th scope="row">{words(c.title)}</th>
-                {compared && <td class="number" data-label="EBIC behind">{c.behind === null ? "–" : digits(Math.abs(c.behind) < 1e-3 ? 0 : c.behind)}</td>}
-                <td data-label="leaves only noise">{c.explains ? "✓ yes" : "✗ no"}</td>
+                {compared && <td class="number" data-label="nats behind">{c.behind === null ? "–" : digits(Math.abs(c.behind) < 1e-3 ? 0 : c.behind)}</td>}
+                <td data-label="explains the data">{c.explains ? "✓ yes" : "✗ no"}</td>
                 <td>
                   {c.values.map((v) => (
                     <Value key={v.name} value={v} />

@@ -1,4 +1,4 @@
-// Missing impulses: how much the velocity has to jump between segments of a run that are fitted each by itself.
+// Sudden changes of velocity that nothing known explains.
 import { signal, type Signal } from "@preact/signals";
 import { useEffect, useMemo, useRef } from "preact/hooks";
 import type { Jump } from "../document";
@@ -7,7 +7,7 @@ import { document as shown, duration, seek, time } from "../state";
 import { nameOf, planeOf, projected, ticks, tickText, type Plane, type Residuals } from "./data";
 import { frameOf, frameTicks, heightFor, limitsOf, MARGIN, type Frame } from "./frame";
 
-const CLEAR = 3; // standard deviations; of noise alone one jump in some hundred is as large
+const CLEAR = 3; // standard deviations
 const MOST = 240; // arrows that can be distinguished; the largest are drawn
 const LONGEST = 0.16; // of the extent, the longest arrow
 const BESIDE = 5; // between marks at one time [px]
@@ -20,10 +20,9 @@ export function Jumps({ jumps, items }: { jumps: Jump[]; items: Residuals[] }) {
   return (
     <figure class="gap-figure" data-jumps={jumps.length}>
       <figcaption>
-        <h3>Missing impulses</h3>
+        <h3>Sudden changes of velocity</h3>
         <span class="soft small">
-          change of velocity that is missing between segments of a run, each fitted by itself; {clear} of {jumps.length}{" "}
-          exceed {CLEAR} σ
+          where nothing known is in reach; {clear} of {jumps.length} exceed {CLEAR} σ
           {jumps.length > MOST && `; the ${MOST} largest are drawn`}
         </span>
       </figcaption>

@@ -56,7 +56,7 @@ function Step({ view, number, openAtFirst }: { view: GapView; number: number; op
 }
 
 function toneOf(view: GapView): "good" | "warn" | "bad" {
-  if (/^(Identified:|Only noise|Nothing)/.test(view.verdict) || /only noise is left$/.test(view.verdict)) return "good";
+  if (/^(Identified:|Nothing)/.test(view.verdict) || /nothing is missing$/.test(view.verdict)) return "good";
   return /^(Identified|Ambiguous)/.test(view.verdict) ? "warn" : "bad";
 }
 

@@ -1,0 +1,168 @@
+"""Choose among hypotheses by held-out prediction: the simplest of those that are near the best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.gap.fitting import Fitted
+from polyworld.gap.settings import GapSettings
+
+Array = NDArray[np.float64]
+
+UNCORRELATED = 0.1  # correlation below which residuals count as independent
+MOST = 0.98
+FLOOR = 0.3  # of the noise, below which no error is believed
+
+
+@dataclass(frozen=True)
+class Choice:
+    """chosen: the simplest of `near`; best: of all. share: of values that count as independent."""
+
+    chosen: Fitted
+    near: tuple[Fitted, ...]
+    best: Fitted
+    share: float
+
+
+def score(pool: Sequence[Fitted], counts: Array) -> float:
+    """Score all hypotheses of a pool alike: n_eff log(error / sigma) by fold, n_eff = n (1 - phi) / (1 + phi).
+
+    phi: lag-1 correlation of what the best one leaves. Return the share of values that count.
+    """
+    for f in pool:
+        f.scores = counts * np.log(np.maximum(f.errors, FLOOR))
+        f.total = float(f.scores.sum()) + f.price
+    best = min(pool, key=lambda f: f.total)
+    product = square = 0.0
+    for grid in best.grids:
+        grid = grid / max(float(np.sqrt(np.nanmean(grid**2))), 1e-300)  # no single run decides
+        both = grid[1:] * grid[:-1]
+        product += float(np.nansum(both))
+        square += float(np.nansum(grid[1:] ** 2 * np.isfinite(both)))
+    phi = float(np.clip(product / max(square, 1e-300), 0.0, MOST))
+    share = (1.0 - phi) / (1.0 + phi) if phi > UNCORRELATED else 1.0
+    for f in pool:
+        f.scores = share * f.scores
+        f.total = float(f.scores.sum()) + f.price
+    return share
+
+
+def equivalent(a: Fitted, b: Fitted, null: Fitted) -> bool:
+    """Return whether two hypotheses predict one motion, which is not that of the base: damping in a joint and drag of
+    the one body that hangs on it. No data of this design separate them, so that they are one answer."""
+    if len(a.hypothesis.parts) != len(b.hypothesis.parts) or abs(a.objective - b.objective) > 1.0:
+        return False
+    apart = effect = 0.0
+    for one, other, without in zip(a.slopes, b.slopes, null.slopes, strict=True):
+        apart += float(((one.residuals - other.residuals) ** 2).sum())
+        effect += float(((one.residuals - without.residuals) ** 2).sum())
+    settings = null.ground.settings
+    more = abs(a.simplicity - b.simplicity) > 1e-6  # the richer one follows the noise by a little, too
+    return apart < min((2.0 * settings.nats if more else 1.0) * a.scale**2, settings.alike * effect)
+
+
+def distinct(pool: Sequence[Fitted], null: Fitted) -> tuple[list[Fitted], dict[int, list[Fitted]]]:
+    """Return a pool with one of each set of equivalent hypotheses, the simplest, and by its `id` the others."""
+    order = sorted(pool, key=lambda f: (f.simplicity, sum(not p.candidate.plain for p in f.hypothesis.parts), f.total))
+    kept: list[Fitted] = []
+    others: dict[int, list[Fitted]] = {}
+    for f in order:
+        same = next((k for k in kept if f is not null and k is not null and equivalent(f, k, null)), None)
+        if same is None:
+            kept.append(f)
+        else:
+            others.setdefault(id(same), []).append(f)
+    return sorted(kept, key=lambda f: f.total), others
+
+
+def choose(
+    pool: Sequence[Fitted],
+    settings: GapSettings,
+    share: float,
+    chosen: NDArray[np.int64] | None = None,
+    kept: Sequence[int] = (),
+) -> Choice:
+    """Choose from a scored pool. chosen: folds, as resampled; default: each once. kept: folds in every resampling.
+
+    Near the best is what is within `nats` of it, or better in a `share` of bootstraps over folds: gains that some runs
+    have and others have not, such as those of a wall, make no standard error.
+    """
+    scores = np.array([f.scores for f in pool])
+    price = np.array([f.price for f in pool])
+    every = np.arange(scores.shape[1]) if chosen is None else chosen
+    totals = scores[:, every].sum(axis=1) + price
+    best = int(totals.argmin())
+    near = totals - totals[best] <= settings.nats
+    count = scores.shape[1]
+    if chosen is None and count > 2:
+        times = np.random.default_rng(settings.seed + 1).multinomial(count, np.ones(count) / count, settings.bootstraps)
+        times[:, list(kept)] = np.maximum(times[:, list(kept)], 1)
+        behind = (scores - scores[best]) @ times.T + (price - price[best])[:, None]
+        near |= (behind <= 0.0).mean(axis=1) >= settings.share
+    cost = np.array([f.simplicity for f in pool])
+    least = cost[near].min()
+    simple = [i for i in np.flatnonzero(near).tolist() if cost[i] <= least + 1e-6]
+    winner = min(simple, key=lambda i: float(totals[i]))
+    return Choice(pool[winner], tuple(pool[i] for i in np.flatnonzero(near).tolist()), pool[best], share)
+
+
+def winners(pool: Sequence[Fitted], settings: GapSettings, share: float, kept: Sequence[int] = ()) -> list[Fitted]:
+    """Return the choice in each bootstrap over folds. kept: folds in every one."""
+    count = len(pool[0].scores)
+    rng = np.random.default_rng(settings.seed)
+    found = []
+    for _ in range(settings.bootstraps):
+        drawn = rng.integers(0, count, count)
+        drawn[: len(kept)] = np.where(np.isin(kept, drawn), drawn[: len(kept)], kept)
+        found.append(choose(pool, settings, share, drawn).chosen)
+    return found
+
+
+def helped_folds(fitted: Fitted, pool: Sequence[Fitted], null: Fitted) -> list[int]:
+    """Return the folds that show a law that acts at one place: resampling may not lose the only run that meets it."""
+    known = {f.hypothesis.key: f for f in pool}
+    found: set[int] = set()
+    for part in fitted.hypothesis.parts:
+        if part.candidate.local:
+            less = known.get(fitted.hypothesis.key - {(part.candidate.name, part.variant.label)}, null)
+            found |= set(np.flatnonzero(_helped(fitted, less)).tolist())
+    return sorted(found) if 2 * len(found) <= len(fitted.errors) else []
+
+
+def _helped(fitted: Fitted, less: Fitted) -> NDArray[np.bool_]:
+    halved = fitted.ground.settings.halved
+    helped: NDArray[np.bool_] = fitted.errors < 0.5 * (1.0 + halved) * less.errors
+    return helped
+
+
+def credible(pool: Sequence[Fitted], null: Fitted) -> list[Fitted]:
+    """Return the hypotheses whose values are possible and whose effects are no stand-ins.
+
+    What has a place or a clock bends to whatever is left: beside the hypothesis without it, it has to halve the error
+    or to reach the noise; a picture that is bent has to reach it. What acts at one place must help two runs, or
+    bring one to the noise, else a run is unlike the others.
+    """
+    settings = null.ground.settings
+    counts = null.ground.counts
+    known = {f.hypothesis.key: f for f in pool}
+    found = []
+    for f in pool:
+        if not f.hypothesis.possible(f.values, settings):
+            continue
+        for part in f.hypothesis.parts:
+            without = f.hypothesis.key - {(part.candidate.name, part.variant.label)}
+            less = known.get(without, null)
+            halved = 0.0 if part.bends else settings.halved * less.error
+            if part.stands_in and f.error > max(settings.near_noise, halved):
+                break
+            helped = _helped(f, less)
+            alone = helped.sum() < 2 and np.all(f.errors[helped] > settings.near_noise)
+            if part.candidate.local and len(counts) == len(f.errors) >= settings.fewest_runs and alone:
+                break
+        else:
+            found.append(f)
+    return found

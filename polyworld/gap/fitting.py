@@ -1,0 +1,140 @@
+"""Fit hypotheses by robust least squares, initial states eliminated by run, and score them by what was left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.estimation.least_squares import Linearised, Normal, Point, Problem
+from polyworld.gap.ground import DESCENT, Ground
+from polyworld.gap.hypothesis import Hypothesis
+
+Array = NDArray[np.float64]
+
+FEWEST = 6  # residuals of a channel that show its scale
+REST = 0.02  # fall of chi-square, in squared scales, below which an iteration gains nothing
+OPENINGS = (0.12, 0.35, 0.7, 1.0)  # shares of the time of growing fits, after the first samples
+
+
+@dataclass
+class Fitted:
+    """A fitted hypothesis.
+
+    scale: robust standard deviation of its residuals in those of the noise, at least 1. cost: robust chi-square over
+    squared scales. early: the point that a short horizon gave. Held out: errors (F,) by fold in standard deviations of
+    the noise; expected (F,): those of a hypothesis that is right, whose unknowns the noise leaves uncertain; grids:
+    residuals by run (T, C), each fold as it was predicted; left_out (F, S): values without each fold. simplicity: cost
+    of its effects in nats, price: that and what is surprising in its values. scores (F,), total: as compared with
+    others.
+    """
+
+    hypothesis: Hypothesis
+    ground: Ground
+    problem: Problem
+    point: Point
+    early: Point
+    normal: Normal
+    scale: float
+    cost: float
+    errors: Array = field(default_factory=lambda: np.zeros(0))
+    expected: Array = field(default_factory=lambda: np.ones(1))
+    grids: tuple[Array, ...] = ()
+    left_out: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    simplicity: float = 0.0
+    price: float = 0.0
+    scores: Array = field(default_factory=lambda: np.zeros(0))
+    total: float = np.inf
+
+    @property
+    def values(self) -> Array:
+        """Values (S,) of shared unknowns."""
+        return self.point.shared
+
+    @property
+    def slopes(self) -> list[Linearised]:
+        """Residuals and derivatives, by run."""
+        return self.normal.slopes
+
+    @property
+    def objective(self) -> float:
+        """Twice the negative log-likelihood with the scale profiled out."""
+        return self.cost + 2.0 * float(self.ground.counts.sum()) * float(np.log(self.scale))
+
+    @property
+    def error(self) -> float:
+        """Root mean square of held-out errors over folds, in those that noise alone makes."""
+        return float(np.sqrt(np.mean((self.errors / self.expected) ** 2)))
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing is left: held-out errors near the noise, or too small beside the motion to be modelled."""
+        settings = self.ground.settings
+        return self.error < settings.near_noise or self.error * self.ground.relative_noise < settings.negligible
+
+    def of_states(self) -> list[Array]:
+        """Return the initial states by run."""
+        return [own[0] for own in self.point.states]
+
+
+def fit(ground: Ground, hypothesis: Hypothesis, start: Point | None = None, growing: bool = False, iterations: int = 12,
+        scale: float = 2.0) -> Fitted:  # fmt: skip
+    """Fit a hypothesis from a point, or over growing parts of each run's time from where the data suggest.
+
+    scale: of the residuals, as far as it is known. Residuals count linearly beyond `soft` scales, so that model error,
+    which is never normal, does not let single runs or impacts decide.
+    """
+    problem = ground.problem(hypothesis)
+    point = start or problem.start()
+    early = point
+    soft = ground.settings.soft
+    if growing or start is None:
+        _soften(problem, soft, scale, iterations)
+        shares = (float(DESCENT.opening), *OPENINGS)
+        for share in shares[:-1]:
+            found = problem.descend(point, share)
+            point = found.point
+            _soften(problem, soft, scale_of(ground, found.normal), iterations)
+            if share <= 0.12:
+                early = point
+        scale = scale_of(ground, found.normal)
+    _soften(problem, soft, scale, iterations)
+    found = problem.descend(point, 1.0)
+    last = scale_of(ground, found.normal)
+    if last < 0.5 * scale:  # what was model error is explained: large residuals count again
+        _soften(problem, soft, last, iterations)
+        found = problem.descend(found.point, 1.0)
+    scale = scale_of(ground, found.normal)
+    _soften(problem, soft, scale, iterations)
+    cost = float(problem.costs([found.point], 1.0)[0]) / scale**2
+    return Fitted(hypothesis, ground, problem, found.point, early, found.normal, scale, cost)
+
+
+def scale_of(ground: Ground, normal: Normal) -> float:
+    """Return the robust standard deviation of residuals in those of the noise, at least 1."""
+    every = np.concatenate([one.residuals for one in normal.slopes])
+    columns = [g.columns()[: len(one.residuals)] for g, one in zip(ground.readouts, normal.slopes, strict=True)]
+    return max(1.0, robust_scale(every, np.concatenate(columns)))
+
+
+def robust_scale(residuals: Array, columns: NDArray[np.int64]) -> float:
+    """Return the robust standard deviation of residuals (m,), of the channel (m,) that is described worst.
+
+    What is wrong along one axis alone, as at a wall, is no outlier among what is right along others, and spins that
+    never change are described by every law.
+    """
+    counts = np.bincount(columns)
+    own = [np.abs(residuals[columns == c]) for c in np.flatnonzero(counts >= FEWEST)]
+    return 1.4826 * max([float(np.median(o)) for o in own] or [float(np.median(np.abs(residuals)))])
+
+
+def weights(residuals: Array, threshold: float) -> Array:
+    """Return Huber's weights (m,) of residuals."""
+    found: Array = np.minimum(1.0, threshold / np.maximum(np.abs(residuals), 1e-300))
+    return found
+
+
+def _soften(problem: Problem, soft: float, scale: float, iterations: int) -> None:
+    rest = REST * scale**2
+    problem.settings = replace(problem.settings, huber=soft * scale, rest=rest, iterations=iterations)

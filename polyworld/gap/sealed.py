@@ -1,0 +1,122 @@
+"""Measure the gap that two fitted worlds leave, on sealed runs too, where initial states alone are refitted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from polyworld.data.recording import Recording
+from polyworld.estimation.least_squares import Point
+from polyworld.estimation.run_readout import CHANNELS
+from polyworld.estimation.unknown import Unknown
+from polyworld.gap.fitting import Fitted, fit
+from polyworld.gap.ground import Ground, ground_of
+from polyworld.gap.held_out import run_error
+from polyworld.gap.hypothesis import Hypothesis
+from polyworld.gap.settings import GapSettings
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+UNITS = ("m", "rad", "rad/s")  # of positions, turns and spins
+
+
+@dataclass(frozen=True)
+class SealedGap:
+    """The gap before and after.
+
+    before, after: root mean squares over runs in standard deviations of the noise. share: of the gap beyond the noise
+    that is left. by_run: both errors. gap_before, gap_after, noise_floor: residuals of positions beyond the noise, and
+    the noise, as root mean squares in `unit`; of turns or spins where no position was measured.
+    """
+
+    before: float
+    after: float
+    share: float
+    by_run: dict[str, tuple[float, float]]
+    gap_before: float
+    gap_after: float
+    noise_floor: float
+    unit: str
+
+    @property
+    def closed(self) -> float | None:
+        """Share of the gap that is closed; None where there was none."""
+        return 1.0 - self.gap_after / self.gap_before if self.gap_before > 0.0 else None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return JSON-ready values."""
+        return asdict(self) | {"closed": self.closed}
+
+
+def settled(
+    world: World, recording: Recording, base: tuple[Unknown, ...] = (), settings: GapSettings | None = None
+) -> Fitted:
+    """Fit the initial states of a world, and base unknowns if any, to a recording."""
+    return fit(ground_of(world, recording, settings or GapSettings()), Hypothesis(world, base), growing=True)
+
+
+def settled_alike(worlds: tuple[World, World], recording: Recording, settings: GapSettings) -> tuple[Fitted, Fitted]:
+    """Fit the initial states of two worlds to a recording, so that neither loses by a fit that was trapped."""
+    first, second = (settled(world, recording, (), settings) for world in worlds)
+    return _better(first, second), _better(second, first)
+
+
+def _better(own: Fitted, other: Fitted) -> Fitted:
+    same = [len(a) == len(b) for a, b in zip(own.of_states(), other.of_states(), strict=True)]
+    if not all(same):
+        return own
+    again = fit(own.ground, own.hypothesis, Point(own.values, other.point.states), scale=own.scale)
+    return min(own, again, key=lambda f: f.objective)
+
+
+def gap_between(before: Fitted, after: Fitted) -> SealedGap:
+    """Measure the gap that two fits to the same runs leave."""
+    errors = [_errors(f) for f in (before, after)]
+    one, other = (float(np.sqrt(np.mean(e**2))) for e in errors)
+    gap = np.sqrt(max(one**2 - 1.0, 1e-12))
+    share = float(np.sqrt(max(other**2 - 1.0, 0.0)) / gap)
+    names = [r.name for r in before.ground.recording.runs]
+    by_run = {n: (float(a), float(b)) for n, a, b in zip(names, *errors, strict=True)}
+    kind = next(k for k in range(3) if any((g.columns() % CHANNELS // 3 == k).any() for g in before.ground.readouts))
+    (gap_before, floor), (gap_after, _) = (_in_units(f, kind) for f in (before, after))
+    return SealedGap(one, other, share, by_run, gap_before, gap_after, floor, UNITS[kind])
+
+
+def sealed_gap(
+    null: Fitted, best: Fitted, sealed: Recording, world_there: Callable[[World], World] | None = None
+) -> SealedGap:
+    """Measure the gap on sealed runs. world_there: gives a world as it is where these begin."""
+    before, after = (f.hypothesis.fitted_world(f.values) for f in (null, best))
+    if world_there is not None:
+        before, after = world_there(before), world_there(after)
+    return gap_between(*settled_alike((before, after), sealed, null.ground.settings))
+
+
+def _errors(fitted: Fitted) -> Array:
+    ground: Ground = fitted.ground
+    return np.array(
+        [
+            run_error(one.residuals, len(states), readout.columns())
+            for one, states, readout in zip(fitted.slopes, fitted.of_states(), ground.readouts, strict=True)
+        ]
+    )
+
+
+def _in_units(fitted: Fitted, kind: int) -> tuple[float, float]:
+    """Return the residuals of one kind beyond the noise, and the noise, corrected for the states fitted."""
+    total = noise = count = paid = 0.0
+    for one, states, readout in zip(fitted.slopes, fitted.of_states(), fitted.ground.readouts, strict=True):
+        columns = readout.columns()
+        own = columns % CHANNELS // 3 == kind
+        sigma = readout.sigma[columns[own]]
+        total += float(((one.residuals[own] * sigma) ** 2).sum())
+        noise += float((sigma**2).sum())
+        count += float(own.sum())
+        paid += len(states) * float(own.sum()) / max(len(columns), 1)
+    floor = noise / max(count, 1.0)
+    return float(np.sqrt(max(total / max(count - paid, 1.0) - floor, 0.0))), float(np.sqrt(floor))

@@ -1,0 +1,214 @@
+"""Decide what may be named: the core that bootstraps keep, competitors, intervals away from zero, what is closed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm, t
+
+from polyworld.gap.choose import choose, credible, distinct, helped_folds, winners
+from polyworld.gap.fitting import Fitted
+from polyworld.gap.held_out import reduced
+from polyworld.gap.hypothesis import Part
+
+Array = NDArray[np.float64]
+
+Kind = Literal["identified", "identified_with_remainder", "ambiguous", "unexplained", "nothing_missing"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A verdict. best: the hypothesis that is named, or the nearest one. competitors: others that are as near.
+
+    frequencies: share of bootstraps over folds that hold an effect; stable: of those that hold all of the best's.
+    before, after: held-out errors in standard deviations of the noise. reasons: what kept it from being more.
+    equivalent: hypotheses that predict the same motion as the best one, so that no data of this design separate them.
+    """
+
+    kind: Kind
+    best: Fitted
+    competitors: tuple[Fitted, ...]
+    frequencies: dict[str, float]
+    stable: float
+    before: float
+    after: float
+    share: float
+    reasons: tuple[str, ...] = ()
+    equivalent: tuple[Fitted, ...] = ()
+
+
+def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool = False) -> Verdict:
+    """Decide on a pool of hypotheses that are scored alike.
+
+    one_course: whether all runs repeat one motion that passes no place twice. Place, time and speed are one variable
+    then: no law of a place or a clock can be named, and all plain laws compete that close most of the gap.
+    """
+    settings = null.ground.settings
+    trusted = credible(pool, null)
+    if one_course:
+        trusted = [f for f in trusted if not any(p.stands_in for p in f.hypothesis.parts)]
+    if null not in trusted:
+        trusted.append(null)
+    trusted, same = distinct(trusted, null)
+    kept = helped_folds(min(trusted, key=lambda f: f.total), trusted, null)
+    choice = choose(trusted, settings, share, kept=kept)
+    named = choice.chosen
+    drawn = winners(trusted, settings, share, kept)
+    names = {n for f in drawn for n in f.hypothesis.names}
+    frequency = {n: float(np.mean([n in f.hypothesis.names for f in drawn])) for n in sorted(names)}
+    if not any(_competes(f, named) for f in choice.near):
+        named = _needed(named, trusted, frequency)
+        gains = [f for f in drawn if named.hypothesis.names < f.hypothesis.names]
+        much = choice.best.error < settings.matters * named.error
+        if named is choice.chosen and len(gains) >= settings.core * len(drawn) and much:
+            named = max(gains, key=lambda f: sum(g is f for g in gains))
+        named = _without_weak(named, trusted)
+    competitors = [f for f in choice.near if _competes(f, named)]
+    if one_course and named is not null:
+        enough = max(named.error / settings.halved, settings.closed * null.error)
+        likely = [f for f in trusted if f.error < enough and len(f.hypothesis.parts) == 1]
+        likely = [f for f in likely if all(p.candidate.plain for p in f.hypothesis.parts) and f is not null]
+        competitors += [f for f in likely if _competes(f, named) and not any(f is g for g in competitors)]
+    stable = float(np.mean([named.hypothesis.names <= f.hypothesis.names for f in drawn]))
+    before, after = null.error, named.error
+    if stable < 1.0 - settings.share and not competitors:
+        others = {id(f): f for f in drawn if not named.hypothesis.names <= f.hypothesis.names}
+        competitors = sorted(others.values(), key=lambda f: f.total)[:4]
+    kind, reasons = _kind(named, null, competitors)
+    alone = [p.candidate.name for p in named.hypothesis.parts if _in_one_run(p, named, trusted, null)]
+    if kind in ("identified", "identified_with_remainder") and alone:
+        kind, reasons = "unexplained", (f"only one run shows {', '.join(alone)}: any sudden push does the same there",)
+    best = min(pool, key=lambda f: f.total)
+    odd = not best.hypothesis.possible(best.values, settings) and not named.hypothesis.names <= best.hypothesis.names
+    if (kind == "nothing_missing" or odd) and named.total - best.total > settings.excluded:
+        kind, reasons = "unexplained", (f"{best.hypothesis.title} predicts better, with values that are not plausible",)
+    equivalents = tuple(same.get(id(named), ()))
+    return Verdict(kind, named, tuple(competitors), frequency, stable, before, after, share, reasons, equivalents)
+
+
+def _in_one_run(part: Part, named: Fitted, trusted: Sequence[Fitted], null: Fitted) -> bool:
+    """Return whether a law that acts on all runs at one place shows in a single one."""
+    ground = null.ground
+    runs = ground.recording.runs
+    if part.candidate.group != "structure" or not len(named.errors) == len(runs) >= ground.settings.fewest_runs:
+        return False
+    without = named.hypothesis.key - {(part.candidate.name, part.variant.label)}
+    less = next((f for f in trusted if f.hypothesis.key == without), null)
+    return int(np.sum(named.errors < 0.5 * (1.0 + ground.settings.halved) * less.errors)) == 1
+
+
+def _needed(named: Fitted, trusted: Sequence[Fitted], frequency: dict[str, float]) -> Fitted:
+    """Return the hypothesis without the laws that bootstraps do not keep, or that matter less than model error does.
+
+    Where a remainder is left, what lowers it by little may be a part of it.
+    """
+    settings = named.ground.settings
+    while len(named.hypothesis.parts) > 1:
+        fewer = [f for f in trusted if f.hypothesis.names < named.hypothesis.names]
+        fewer = [f for f in fewer if len(f.hypothesis.parts) == len(named.hypothesis.parts) - 1]
+        error = named.error
+        for f in sorted(fewer, key=lambda f: f.total):
+            (dropped,) = named.hypothesis.names - f.hypothesis.names
+            small = settings.matters * f.error < error
+            if small and (error > settings.near_noise or frequency.get(dropped, 0.0) < settings.core):
+                named = f
+                break
+        else:
+            break
+    return named
+
+
+def _without_weak(named: Fitted, trusted: Sequence[Fitted]) -> Fitted:
+    """Return the hypothesis without laws whose strengths do not differ from zero, where others remain."""
+    weak = set(not_zero(named)) if len(named.hypothesis.parts) > 1 else set()
+    fewer = [f for f in trusted if weak and f.hypothesis.parts and f.hypothesis.names == named.hypothesis.names - weak]
+    return min(fewer, key=lambda f: f.total, default=named)
+
+
+def _competes(other: Fitted, named: Fitted) -> bool:
+    """Return whether a near hypothesis is another answer of about the same simplicity."""
+    return (
+        other is not named
+        and other.simplicity <= named.simplicity + 1.0 + 1e-6
+        and not named.hypothesis.names <= other.hypothesis.names
+        and _distinguished(other) != _distinguished(named)
+    )
+
+
+def _distinguished(fitted: Fitted) -> frozenset[str]:
+    """Return the names of effects, one for those that the design cannot distinguish by construction."""
+    return frozenset(min([p.candidate.name, *p.variant.same_as]) for p in fitted.hypothesis.parts)
+
+
+def _kind(named: Fitted, null: Fitted, competitors: Sequence[Fitted]) -> tuple[Kind, tuple[str, ...]]:
+    settings = null.ground.settings
+    before, after = null.error, named.error
+    if named is null:
+        if competitors:
+            return "ambiguous", ()
+        return ("nothing_missing", ()) if named.quiet else ("unexplained", ("no effect predicts what is left",))
+    left = np.sqrt(max(after**2 - 1.0, 0.0)) / max(np.sqrt(max(before**2 - 1.0, 0.0)), 1e-12)
+    if after >= settings.near_noise and left > settings.closed:
+        return "unexplained", (f"the best law found leaves {100.0 * left:.0f}% of the held-out gap",)
+    if competitors:
+        return "ambiguous", ()
+    weak = not_zero(named)
+    if weak:
+        return "unexplained", (f"the interval of {', '.join(weak)} contains zero",)
+    if after < settings.near_noise:
+        return "identified", ()
+    return "identified_with_remainder", ()
+
+
+def intervals(fitted: Fitted, level: float = 0.95) -> Array:
+    """Return intervals (S, 2) of shared unknowns, robust to what runs have of their own.
+
+    Sandwich over runs (Liang & Zeger 1986, Biometrika 73, 13) with t of R - 1 degrees, and no narrower than the
+    information with the scale of the residuals says, its correlation counted. Of few runs the latter alone.
+    """
+    found = reduced(fitted)
+    s, runs = len(fitted.values), len(fitted.slopes)
+    if not s:
+        return np.zeros((0, 2))
+    typical = fitted.problem.typical
+    total = found.information.sum(axis=0) * typical[:, None] * typical
+    inverse = np.linalg.pinv(total + 1e-12 * np.diag(np.diag(total) + 1e-12), rcond=1e-13, hermitian=True)
+    share = max(independent_share(fitted), 1e-3)
+    variance = np.diag(inverse) * fitted.scale**2 / share
+    half = float(norm.ppf(0.5 + 0.5 * level)) * np.sqrt(variance)
+    if runs >= fitted.ground.settings.fewest_runs:
+        scores = found.pull * typical
+        spread = np.diag(inverse @ (scores.T @ scores) @ inverse) * runs / (runs - 1.0)
+        half = np.maximum(half, float(t.ppf(0.5 + 0.5 * level, runs - 1)) * np.sqrt(np.maximum(spread, 0.0)))
+    half = half * typical
+    return np.stack([fitted.values - half, fitted.values + half], axis=1)
+
+
+def independent_share(fitted: Fitted) -> float:
+    """Return the share of held-out residuals that count as independent, by their lag-1 correlation; 1 without any."""
+    product = square = 0.0
+    for grid in fitted.grids:
+        both = grid[1:] * grid[:-1]
+        product += float(np.nansum(both))
+        square += float(np.nansum(grid[1:] ** 2 * np.isfinite(both)))
+    phi = float(np.clip(product / max(square, 1e-300), 0.0, 0.98))
+    return (1.0 - phi) / (1.0 + phi)
+
+
+def not_zero(fitted: Fitted) -> list[str]:
+    """Return effects none of whose strengths differs from neutral: their intervals contain it."""
+    found = []
+    ends = intervals(fitted)
+    for i, part in enumerate(fitted.hypothesis.parts):
+        own = ends[fitted.hypothesis.of_part(i)]
+        acting = [k for k, u in enumerate(part.shared) if u.name not in part.variant.idle]
+        if part.candidate.local or not acting:
+            continue
+        starts = np.array([part.shared[k].start for k in acting])
+        if not np.any((own[acting, 0] > starts) | (own[acting, 1] < starts)):
+            found.append(part.candidate.name)
+    return found

@@ -1,0 +1,83 @@
+"""Choices among hypotheses whose predictions are made up, and intervals against ordinary least squares."""
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+from scipy.stats import norm
+
+from polyworld.data.recording import Recording, Run
+from polyworld.gap import GapSettings
+from polyworld.gap.catalogue import named
+from polyworld.gap.choose import choose, score, winners
+from polyworld.gap.fitting import Fitted, fit
+from polyworld.gap.ground import ground_of
+from polyworld.gap.hypothesis import Hypothesis, extended
+from polyworld.gap.verdict import intervals
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+
+SETTINGS, COUNTS = GapSettings(), np.full(6, 100.0)
+
+
+def predicted(errors: Array, price: float, phi: float = 0.0) -> Fitted:
+    """A hypothesis that predicts six runs with these errors, its residuals correlated by phi from row to row."""
+    white = np.random.default_rng(1).normal(size=(6, 2000, 3))
+    grids = tuple(lfilter([1.0], [1.0, -phi], g, axis=0) for g in white)
+    return cast(Fitted, SimpleNamespace(errors=errors, price=price, simplicity=price, grids=grids))
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
+def test_correlated_residuals_count_as_so_many_independent_ones_as_their_mean_says(phi: float) -> None:
+    """The variance of a mean of n values is (1 + phi) / (1 - phi) / n (Bartlett 1935)."""
+    share = score([predicted(np.full(6, 1.1), 1.0, phi), predicted(np.full(6, 5.0), 0.0)], COUNTS)
+    assert share == pytest.approx((1.0 - phi) / (1.0 + phi), rel=0.1)
+
+
+def test_the_simplest_of_those_near_the_best_is_chosen() -> None:
+    null, plain, rich = (predicted(np.full(6, e), p) for e, p in ((3.0, 0.0), (1.01, 1.0), (1.005, 4.0)))
+    score([null, plain, rich], COUNTS)
+    choice = choose([null, plain, rich], SETTINGS, 1.0)
+    assert choice.chosen is plain
+    assert all(f is plain for f in winners([null, plain, rich], SETTINGS, 1.0))
+
+
+def test_a_richer_one_that_predicts_every_run_better_is_chosen() -> None:
+    plain, rich = predicted(np.full(6, 1.5), 1.0), predicted(np.full(6, 1.0), 5.0)
+    score([plain, rich], COUNTS)
+    assert choose([plain, rich], SETTINGS, 1.0).chosen is rich
+
+
+def test_a_gain_in_one_run_alone_does_not_decide() -> None:
+    errors = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.4])
+    plain, rich = predicted(errors, 1.0), predicted(np.full(6, 1.0), 5.0)
+    score([plain, rich], COUNTS)
+    choice = choose([plain, rich], SETTINGS, 1.0)
+    assert choice.best is rich
+    assert choice.chosen is plain
+
+
+def test_intervals_are_those_of_ordinary_least_squares() -> None:
+    """Gravity from three free falls whose noise is known: place, velocity and gravity are linear unknowns."""
+    rng, sigma, times = np.random.default_rng(3), 0.002, np.arange(60) / 60.0
+    slopes = np.stack([np.ones(60), times, 0.5 * times**2], axis=1)
+    runs, pull = [], []
+    for k in range(3):
+        path = slopes @ np.array([5.0, k - 1.0, -9.7]) + rng.normal(0.0, sigma, 60)
+        pull.append(np.linalg.lstsq(slopes, path, rcond=None)[0][2])
+        places = np.full((60, 1, 3), np.nan)
+        places[:, 0, 2] = path
+        runs.append(Run(f"r{k}", ("ball",), times, places, np.full((60, 1, 4), np.nan), sigma))
+    ball = {"name": "ball", "shape": {"kind": "sphere", "radius": 0.05}, "position": [0, 0, 5]}
+    world = World.model_validate({"objects": [ball], "time": {"substep": 0.004}})
+    ground = ground_of(world, Recording(tuple(runs)), SETTINGS)
+    (law,) = extended(Hypothesis(ground.world), named(["gravity_error"])[0], ground.recording)
+    fitted = fit(ground, law, growing=True, scale=1.0)
+    ((low, high),) = intervals(fitted)
+    error = sigma * np.sqrt(np.linalg.inv(slopes.T @ slopes)[2, 2] / 3.0)
+    assert 0.5 * (low + high) == pytest.approx(np.mean(pull), abs=0.2 * error)
+    assert 0.5 * (high - low) == pytest.approx(norm.ppf(0.975) * error * fitted.scale, rel=0.1)
