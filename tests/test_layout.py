@@ -154,7 +154,8 @@ def test_no_test_outside_the_benchmarks_imports_them() -> None:
     assert not wrong
 
 
-def test_tests_of_the_server_mirror_its_rooms() -> None:
-    rooms = {room for floor in FLOORS["atw_mcp"] for room in floor}
-    mirrored = {path.name for path in (ROOT / "tests" / "atw_mcp").iterdir() if (path / "__init__.py").is_file()}
+@pytest.mark.parametrize("package", sorted(FLOORS))
+def test_tests_of_a_package_mirror_its_rooms(package: str) -> None:
+    rooms = {room for floor in FLOORS[package] for room in floor}
+    mirrored = {path.name for path in (ROOT / "tests" / package).iterdir() if (path / "__init__.py").is_file()}
     assert mirrored <= rooms

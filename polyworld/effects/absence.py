@@ -35,9 +35,9 @@ class Way:
 
     free: the parameters that are fitted. values: parameters that are not at the law's default while the law is off.
     starts: where fits begin, as parameters that differ from these values. each: one law for all bodies; for each body
-    one of its own; or for each body one with parameters of each run (`Conditions.unturned`) of its own. off: whether
-    the law does nothing at its starts. label: whom it acts on and by what rule, where there are several ways. same_as:
-    other effects that this design cannot distinguish from it.
+    one of its own; or for each body one with parameters of each run (`Conditions.unturned`) of its own. label: whom it
+    acts on and by what rule, where there are several ways. same_as: other effects that this design cannot distinguish
+    from it.
     """
 
     free: Mapping[str, FreeParameter]
@@ -45,7 +45,6 @@ class Way:
     starts: Sequence[Mapping[str, float]] = ({},)
     label: str = ""
     each: Literal["", "body", "run"] = ""
-    off: bool = True
     same_as: tuple[str, ...] = ()
 
 
@@ -56,15 +55,13 @@ class Absence:
     ways: conditions of a recording -> the ways to add the law; none where it would not show. signature: what residuals
     look like where it is missing. confused_with: effect -> what separates the two. effect: standard name of the effect,
     where that is not the law's; laws of one name are forms of one effect, whose signature stands with one of them.
-    frequency: the parameter that is a frequency, if any. plain: whether it is a law expected of ordinary scenes; it
-    stands with the signature.
+    plain: whether it is a law expected of ordinary scenes; it stands with the signature.
     """
 
     ways: Callable[[Conditions], Sequence[Way]]
     signature: str = ""
     confused_with: Mapping[str, str] = field(default_factory=dict)
     effect: str = ""
-    frequency: str | None = None
     plain: bool = False
 
 

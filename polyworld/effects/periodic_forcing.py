@@ -63,7 +63,6 @@ def _frequencies(found: Conditions) -> list[float]:
 ABSENCE = Absence(
     ways,
     signature="residual acceleration that swings with time, alike wherever the body is",
-    frequency="frequency",
     confused_with={
         "tilt": "a later start, or a longer run: forcing changes its sign",
         "spring": "the same motion started at another time",

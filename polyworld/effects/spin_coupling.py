@@ -38,7 +38,7 @@ def ways(found: Conditions) -> list[Way]:
         return []  # what a grip does depends on spins, and nobody knows them
     # At -1 the law hands over to Coulomb's: values next to it are another world, so fits stay off it.
     free = {"restitution": FreeParameter(0.2, lower=-0.99)}
-    return [Way(free, {"restitution": GRIPS[0]}, [{"restitution": grip} for grip in GRIPS], off=False)]
+    return [Way(free, {"restitution": GRIPS[0]}, [{"restitution": grip} for grip in GRIPS])]
 
 
 ABSENCE = Absence(

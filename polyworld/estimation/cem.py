@@ -48,7 +48,7 @@ class CemState:
     """All that the search knows between generations.
 
     mean, sd (P,): the proposal. elite (K', P): the best candidates so far, best first, and their losses.
-    elite_sd (P,): spread of the last elite set. rng: state of the random generator.
+    rng: state of the random generator.
     """
 
     generation: int
@@ -56,7 +56,6 @@ class CemState:
     sd: Array
     elite: Array
     elite_losses: Array
-    elite_sd: Array
     rng: dict[str, Any]
 
     @classmethod
@@ -69,7 +68,6 @@ class CemState:
             sd=np.array(sd, dtype=float),
             elite=np.zeros((0, p)),
             elite_losses=np.zeros(0),
-            elite_sd=np.array(sd, dtype=float),
             rng=dict(np.random.default_rng(seed).bit_generator.state),
         )
 
@@ -113,6 +111,5 @@ def generation(
         sd=sd,
         elite=elite,
         elite_losses=losses[order],
-        elite_sd=elite_sd,
         rng=dict(rng.bit_generator.state),
     )

@@ -53,8 +53,7 @@ class SupportSettings:
     since sizes and cameras are known no better. sigmas: standard errors within which heights and their trend are those
     of a body on the surface. flat: cosine within which a body's axis lies along or across the normal, 26 degrees, more
     than tracks err and less than half way to an edge. steady: samples looked at, as many as show a trend and no more
-    than a free stretch usually has. tight: standard deviation of what a support forbids, of the height of the centre
-    and in rad: less than shows in any track, and no less than descent can follow.
+    than a free stretch usually has.
     """
 
     upward: float = 0.5
@@ -62,7 +61,6 @@ class SupportSettings:
     sigmas: float = 4.0
     flat: float = 0.9
     steady: int = 12
-    tight: float = 0.01
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,10 @@ def find_gap(
     contenders = (verdict.best, *verdict.competitors)
     experiment = propose_experiment(contenders, settings) if verdict.kind == "ambiguous" else None
     force: ResidualForce | None = None
-    if verdict.kind == "unexplained" and not search.limited:
+    if verdict.kind == "unexplained" and world.deformables:
+        unsought = "no law of what is left is sought where bodies deform, whose runs take long"
+        verdict = replace(verdict, reasons=(*verdict.reasons, unsought))
+    elif verdict.kind == "unexplained" and not search.limited:
         report("residual force", {})
         force = residual_force(search.ground, verdict.best, search.null, settings, stopped)
     report("verdict", {"verdict": verdict.kind, "best": verdict.best.hypothesis.title})

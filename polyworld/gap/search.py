@@ -72,8 +72,9 @@ class Search:
                     self._same.add(one)
 
     def places(self) -> None:
-        """Try what acts at one place on top of the best plain laws: it may be what makes one run unlike the others."""
-        local = [c for c in self.library if c.group == "structure"]
+        """Try what acts at one place or in one run on top of the best plain laws: it may be what makes a run unlike the
+        others."""
+        local = [c for c in self.library if c.local]
         self._add(self._level([self.pool[0]], local, self.ground.settings.starts))
         self.report("places", {"best": self.pool[0].hypothesis.title})
 

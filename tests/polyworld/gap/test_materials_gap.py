@@ -12,7 +12,7 @@ from polyworld.gap.catalogue import named
 from polyworld.gap.ground import Ground
 from polyworld.gap.hypothesis import Hypothesis
 from polyworld.gap.report import effects_of
-from tests.scenes.fluids import filling_case, sinking_case, swaying_case
+from tests.scenes.fluids import filling_case, sinking_case
 from tests.scenes.materials import Case, falling_case, rope_case, strip_case, swinging_case
 
 Draw = Callable[[np.random.Generator, str | None], Case]
@@ -37,7 +37,7 @@ def test_markers_of_a_hanging_sheet_move_as_waves_along_a_strip() -> None:
     assert np.abs(residuals(strip_case(np.random.default_rng(0), None))).max() < 1e-3
 
 
-@pytest.mark.parametrize("truth", ["air_drag", "stretch_stiffness", "material_damping", "bending_stiffness"])
+@pytest.mark.parametrize("truth", ["air_drag", "bending_stiffness"])
 def test_wrong_number_of_a_rope_shows_beyond_the_noise(truth: str) -> None:
     case = rope_case(np.random.default_rng(0), truth)
     assert float(np.sqrt(np.mean(residuals(case) ** 2))) > 1.5 * case.sigma
@@ -45,7 +45,7 @@ def test_wrong_number_of_a_rope_shows_beyond_the_noise(truth: str) -> None:
 
 @pytest.mark.parametrize(
     ("case", "share"),
-    [(falling_case, 1.0), (swinging_case, 0.5), (sinking_case, 0.3), (swaying_case, 0.5), (filling_case, 0.6)],
+    [(falling_case, 1.0), (swinging_case, 0.5), (sinking_case, 0.3), (filling_case, 0.6)],
 )
 def test_errors_of_a_scene_without_a_hidden_effect_stay_below_its_noise(case: Draw, share: float) -> None:
     described = case(np.random.default_rng(0), None)
@@ -56,7 +56,7 @@ def test_stiffness_of_a_rope_is_found() -> None:
     case = rope_case(np.random.default_rng(0), "stretch_stiffness")
     recording, _ = case.recordings(np.random.default_rng(1))
     offered = named(["stretch_stiffness", "gravity_error"])
-    early = Recording(tuple(r.rows(r.times < 0.8) for r in recording.runs))
+    early = Recording(tuple(r.rows(r.times < 0.6) for r in recording.runs))
     report = find_gap(case.world, early, candidates=offered)
     assert (report.verdict.kind, report.names) == ("identified", ("stretch_stiffness",))
     (unknown,) = effects_of(report.verdict.best)[0]["unknowns"].values()

@@ -1,4 +1,4 @@
-"""A pendulum of another length, and a spring of another stiffness, that lose step with the world's within few swings."""
+"""A pendulum of another length, and a spring of another stiffness, that soon lose step with the world's."""
 
 import numpy as np
 import pytest

@@ -11,7 +11,7 @@ from polyworld.gap import GapReport, GapSettings, find_gap
 from polyworld.gap.catalogue import named
 from polyworld.gap.fitting import Fitted, fit
 from polyworld.gap.ground import ground_of
-from polyworld.gap.hypothesis import Hypothesis, extended
+from polyworld.gap.hypothesis import Hypothesis
 from polyworld.gap.propose import proposals
 from polyworld.gap.report import effects_of
 from polyworld.world import World
