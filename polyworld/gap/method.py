@@ -122,8 +122,12 @@ def _search(
     stopped: Callable[[], bool],
     fitted: Callable[[Fitted], None] | None,
 ) -> tuple[Search, tuple[Aside, ...]]:
-    """Search; again without what stands out. A single such run is set aside at once: no law of a place shows in one."""
+    """Search; again without what stands out. A single such run is set aside at once: no law of a place shows in one.
+
+    A further search that the time ended gives way to the one before, whose whole library was tried.
+    """
     aside: tuple[Aside, ...] = ()
+    before: tuple[Search, tuple[Aside, ...]] | None = None
     for turn in range(PASSES):
         search = Search(ground, library, base, report, stopped, fitted)
         search.plain()
@@ -135,8 +139,13 @@ def _search(
         if len(bad) != 1:
             search.forward()
             bad = [] if last else outlying(credible(search.pool, search.null)[0])
+        if search.limited and before is not None:
+            before[0].limited = True
+            return before
         if not bad or search.limited:
             break
+        if len(bad) != 1:
+            before = search, aside
         ground, more = without_runs(credible(search.pool, search.null)[0], bad)
         aside += more
         report("set aside", {"runs": [a.run for a in more]})

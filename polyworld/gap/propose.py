@@ -96,9 +96,11 @@ def proposals(
                 own += _sudden(parent, hypothesis, undisturbed, keep)
             else:
                 own += _scored(parent, hypothesis, projection, keep, share)
-            if candidate.plain and part.shared and any(p.rescales for p in parent.hypothesis.parts):
+            phases = candidate.plain and any(p.rescales for p in parent.hypothesis.parts)
+            courses = candidate.group == "contact" and parent.scale > parent.ground.settings.near_noise
+            if part.shared and (phases or courses):
                 added = np.array([u.start + (SMALL * u.typical if u.lower >= u.start else 0.0) for u in part.shared])
-                early = _point(parent, hypothesis, added, parent.early)  # without it, phases drift and slopes mislead
+                early = _point(parent, hypothesis, added, parent.early)  # what comes later is elsewhere
                 own.append(Start(hypothesis, early, np.inf, growing=True))
         found += sorted(own, key=lambda s: -s.gain)[: 2 * keep]
     return found

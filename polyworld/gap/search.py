@@ -116,7 +116,7 @@ class Search:
                 found += proposals(parent, [candidate], starts, self.share, self._known)
         found = [s for s in found if s.hypothesis.key not in self._seen]
         found.sort(key=lambda s: -s.gain)
-        sure = [s for s in found if s.growing or _expected(s.hypothesis)]
+        sure = [s for s in found if s.growing or s.hypothesis.parts[-1].candidate.plain]
         briefs = self._brief([*sure, *[s for s in found if not any(s is t for t in sure)][: settings.tried]])
         return self._finished(briefs)
 
