@@ -85,9 +85,18 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
     best = min(pool, key=lambda f: f.total)
     odd = not best.hypothesis.possible(best.values, settings) and not named.hypothesis.names <= best.hypothesis.names
     if (kind == "nothing_missing" or odd) and named.total - best.total > settings.excluded:
-        kind, reasons = "unexplained", (f"{best.hypothesis.title} predicts better, with values that are not plausible",)
+        kind, reasons = "unexplained", (f"{best.hypothesis.title} predicts better, {_distrusted(best, one_course)}",)
     equivalents = tuple(same.get(id(named), ()))
     return Verdict(kind, named, tuple(competitors), frequency, stable, before, after, share, reasons, equivalents)
+
+
+def _distrusted(best: Fitted, one_course: bool) -> str:
+    """Say why a hypothesis that predicts best is not named."""
+    if not best.hypothesis.possible(best.values, best.ground.settings):
+        return "with values that are not plausible"
+    if one_course and any(p.stands_in for p in best.hypothesis.parts):
+        return "but runs that repeat one course cannot show a law of a place or a clock"
+    return "but bends to whatever is left, and leaves much of it"
 
 
 def _in_one_run(part: Part, named: Fitted, trusted: Sequence[Fitted], null: Fitted) -> bool:
