@@ -32,6 +32,7 @@ from polyworld.gap.power import power_check
 from polyworld.gap.report import effects_of, finite, plain_laws
 from polyworld.gap.sealed import gap_between, settled_alike
 from polyworld.gap.sealing import Split
+from polyworld.screening import screen
 from polyworld.world import Effect, World
 from polyworld.world.parameters import parameter_paths, with_parameters
 
@@ -70,7 +71,7 @@ def examine(world: World, parts: Split, base: tuple[Unknown, ...], power: bool, 
                 {"run": j.run, "name": j.name, "time": j.time, "change": j.size, "sigmas": j.size / j.sigma}
                 for j in numbers.jumps or ()
             ],
-            "cautions": list(cautions(world, parts.fitted)),
+            "cautions": [*cautions(world, parts.fitted), *(f.message for f in screen(world, parts.fitted).findings)],
             "base": [
                 {"name": u.name, "paths": list(u.paths), "value": float(v), "unit": u.unit}
                 for u, v in zip(base, found.values, strict=True)

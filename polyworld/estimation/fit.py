@@ -311,12 +311,20 @@ class _Fit:
         shares = found.shares
         counts = [round(p * (self.options.members - 1)) for _, p in shares]
         counts[0] = self.options.members - 1 - sum(counts[1:])
-        draws = COSTLY if any(r.world.coupled for r in self.study.runs) else None
+        draws = sampling or (COSTLY if any(r.world.coupled for r in self.study.runs) else SamplingSettings())
+        draws = replace(draws, alike=self._alike())
         return [
-            (f, sample(f.problem, f.minimum, n, self.options.seed, sampling or draws))
+            (f, sample(f.problem, f.minimum, n, self.options.seed, draws))
             for (f, _), n in zip(shares, counts, strict=True)
             if n
         ]
+
+    def _alike(self) -> float:
+        """Return how many samples count as one, as far as noise does not hide what the model leaves."""
+        drift = [_tolerant(r, 0.0 * own, self.settings.model.drift) / own
+                 for r, own in zip(self.study.runs, self.noise, strict=True)]  # fmt: skip
+        ratio = float(np.mean(np.concatenate(drift) ** 2)) if drift else 0.0
+        return min(1.0 + ratio, self.settings.model.alike)
 
     def _run(
         self,

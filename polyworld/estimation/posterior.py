@@ -27,16 +27,14 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class SamplingSettings:
     """rounds of `draws` each, up to `most` while fewer than `enough` draws count. freedom: of the t distribution, whose
-    tails cover what a Gaussian would miss. alike: samples that count as one: simple contacts are off by what changes
-    little from frame to frame, which no number of frames averages out; 80% intervals of scenes by other engines hold
-    10% more for it."""
+    tails cover what a Gaussian would miss. alike: samples that count as one."""
 
     rounds: int = 4
     most: int = 10
     draws: int = 128
     enough: float = 40.0
     freedom: float = 6.0
-    alike: float = 3.0
+    alike: float = 1.0
 
 
 @dataclass(frozen=True)
