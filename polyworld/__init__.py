@@ -7,7 +7,7 @@ Rooms from the ground up: `core` (arrays of Warp) and `executors` (bags of indep
 file; add an effect there) and `expressions`, `world` (descriptions; `world.materials` is the registry), `model`
 (meshes), `edits` (interventions), `trajectory`, `solver` (planar, spatial, coupled and the materials'), `probing`
 (predicates, readouts, comparison), `data` (recordings), `screening`, `estimation` (fits), `gap` (what is missing;
-`gap.ebic` decides), `pictures`, and `materials` (one entry a material; add a deformable there).
+`gap.choose` decides), `pictures`, and `materials` (one entry a material; add a deformable there).
 """
 
 from __future__ import annotations

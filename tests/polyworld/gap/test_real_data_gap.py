@@ -1,4 +1,4 @@
-"""Effects that measurements of others show, found by name: short versions of the benchmark `real_gap`."""
+"""Effects that measurements of others show, found by name: short versions of `python -m tests.benchmarks.gaps real`."""
 
 from __future__ import annotations
 
