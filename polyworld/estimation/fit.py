@@ -321,9 +321,10 @@ class _Fit:
 
     def _alike(self) -> float:
         """Return how many samples count as one, as far as noise does not hide what the model leaves."""
-        drift = [_tolerant(r, 0.0 * own, self.settings.model.drift) / own
+        drift = [_tolerant(r, 0.0 * own, self.settings.model.drift) / np.maximum(own, TINY)
                  for r, own in zip(self.study.runs, self.noise, strict=True)]  # fmt: skip
-        ratio = float(np.mean(np.concatenate(drift) ** 2)) if drift else 0.0
+        every = np.concatenate(drift)
+        ratio = float(np.mean(every**2)) if len(every) else 0.0
         return min(1.0 + ratio, self.settings.model.alike)
 
     def _run(
