@@ -30,7 +30,7 @@ from polyworld.gap.hypothesis import Hypothesis, Part
 from polyworld.gap.localise import localise
 from polyworld.gap.power import power_check
 from polyworld.gap.report import effects_of, finite, plain_laws
-from polyworld.gap.sealed import gap_between, settled_alike
+from polyworld.gap.sealed import gap_between, left_in_units, settled_alike
 from polyworld.gap.sealing import Split
 from polyworld.screening import screen
 from polyworld.world import Effect, World
@@ -57,14 +57,14 @@ def examine(world: World, parts: Split, base: tuple[Unknown, ...], power: bool, 
         found = examined(world, parts.fitted, base)
         steps.fitted(found)
         steps.report(0.5, "looking at what is left")
-        seen, gap = compared(found), gap_between(found, found)
+        seen, (gap, noise, unit) = compared(found), left_in_units(found)
         numbers = GapNumbers(residuals_of(seen), jumps_of(world, parts.fitted))
         data = {
             "explained": found.quiet,
             "error": found.error,
-            "gap": gap.gap_before,
-            "noise": gap.noise_floor,
-            "unit": gap.unit,
+            "gap": gap,
+            "noise": noise,
+            "unit": unit,
             "worst": worst_series(numbers.residuals),
             "where": localise(found).to_json(),
             "kinks": [

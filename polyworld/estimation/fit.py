@@ -172,7 +172,8 @@ class _Fit:
         self.shown = [r.tracks if held is None else _before(r.tracks, held) for r in study.runs]
         self.noise = [track_sigma(tracks) for tracks in self.shown]
         self.sigma = [
-            _tolerant(r, own, self.settings.model.tolerance) for r, own in zip(study.runs, self.noise, strict=True)
+            np.hypot(own, self.settings.model.tolerance * _sizes(r))
+            for r, own in zip(study.runs, self.noise, strict=True)
         ]
         self.share, self.step, self.rollouts = (0.0, 1.0), "", 0
 
@@ -321,7 +322,7 @@ class _Fit:
 
     def _alike(self) -> float:
         """Return how many samples count as one, as far as noise does not hide what the model leaves."""
-        drift = [_tolerant(r, 0.0 * own, self.settings.model.drift) / np.maximum(own, TINY)
+        drift = [self.settings.model.drift * _sizes(r) / np.maximum(own, TINY)
                  for r, own in zip(self.study.runs, self.noise, strict=True)]  # fmt: skip
         every = np.concatenate(drift)
         ratio = float(np.mean(every**2)) if len(every) else 0.0
@@ -451,11 +452,10 @@ def _coarser(world: World, substep: float) -> World:
     return world.model_copy(update={"time": world.time.model_copy(update={"substep": substep})})
 
 
-def _tolerant(run: StudyRun, noise: Array, share: float) -> Array:
-    """Return standard deviations (n,) [m] of noise and model together."""
+def _sizes(run: StudyRun) -> Array:
+    """Return the size (n,) [m] of the rigid body of each track, 0 where there is none."""
     sizes = {o.name: circumscribed_radius(o.shape) for o in run.world.objects}
-    tolerance: Array = np.hypot(noise, share * np.array([sizes.get(n, 0.0) for n in run.tracks.names]))
-    return tolerance
+    return np.array([sizes.get(n, 0.0) for n in run.tracks.names])
 
 
 def _members(

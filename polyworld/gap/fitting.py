@@ -129,6 +129,11 @@ def robust_scale(residuals: Array, columns: NDArray[np.int64]) -> float:
     return 1.4826 * max([float(np.median(o)) for o in own] or [float(np.median(np.abs(residuals)))])
 
 
+def share_left(before: float, after: float) -> float:
+    """Return the share of a gap beyond the noise that is left; before, after: errors in standard deviations of it."""
+    return float(np.sqrt(max(after**2 - 1.0, 0.0)) / np.sqrt(max(before**2 - 1.0, 1e-12)))
+
+
 def weights(residuals: Array, threshold: float) -> Array:
     """Return Huber's weights (m,) of residuals."""
     found: Array = np.minimum(1.0, threshold / np.maximum(np.abs(residuals), 1e-300))

@@ -25,6 +25,7 @@ Ints = NDArray[np.int64]
 TRIMMED = 5.0  # robust standard deviations of a run's residuals to which single ones are cut
 REFITS = 3  # of the initial state of a run left out
 FARTHEST = 100.0  # ordinary changes by which one step may move it: linear steps of what hardly shows go anywhere
+VAGUE = 1e-6  # information of an ordinary change: unknowns are no vaguer than a thousand of these
 CHORDS = 2  # further steps without a stretch, with the slopes of the fit
 SPINS = 6  # channel from which on those of an object are spins
 FEW = 0.1  # share of a run's values below which spins are no series
@@ -106,7 +107,7 @@ def shared_step(fitted: Fitted, information: Array, pull: Array) -> Array:
     """Return the step (S,) of shared unknowns that normal equations ask for, within bounds."""
     lower, upper, at = fitted.problem.lower, fitted.problem.upper, fitted.values
     typical = fitted.problem.typical
-    matrix = information * typical[:, None] * typical + fitted.scale**2 * 1e-6 * np.eye(len(at))
+    matrix = information * typical[:, None] * typical + fitted.scale**2 * VAGUE * np.eye(len(at))
     return bounded_step(matrix, pull * typical, at, lower, upper, typical) - at
 
 
@@ -209,7 +210,7 @@ def _by_stretches(fitted: Fitted, folds: Sequence[Fold]) -> None:
         own = np.zeros((len(one.residuals), first[-1]))
         own[:, :s], own[:, first[r] : first[r + 1]] = one.shared, one.states
         slopes.append(own * typical)
-    vague = 1e-6 * np.eye(first[-1])  # unknowns are no vaguer than a thousand ordinary changes
+    vague = VAGUE * np.eye(first[-1])
     fits, expected = [], []
     for fold in folds:
         kept = [~_inside(ground, fold) if r == fold.run else np.ones(len(own), bool) for r, own in enumerate(slopes)]

@@ -90,7 +90,7 @@ def proposals(
             elif any(u.name == "shift_time" for u in part.shared):
                 own += _dropped(parent, hypothesis, projection, keep, share)
             elif part.rescales:
-                own += _rescaled(parent, hypothesis, keep)
+                own += _rescaled(parent, hypothesis, projection, keep)
             elif part.sudden:
                 undisturbed = undisturbed or _undisturbed(parent)
                 own += _sudden(parent, hypothesis, undisturbed, keep)
@@ -226,7 +226,7 @@ def _undisturbed(parent: Fitted) -> Point:
     return Point(parent.values, found.point.states)
 
 
-def _rescaled(parent: Fitted, hypothesis: Hypothesis, keep: int) -> list[Start]:
+def _rescaled(parent: Fitted, hypothesis: Hypothesis, projection: Projection, keep: int) -> list[Start]:
     """Return the factors on a period that describe the beginning of the data best, from states read off the data."""
     starts = starts_of(hypothesis)
     problem = parent.ground.problem(hypothesis)
@@ -241,7 +241,7 @@ def _rescaled(parent: Fitted, hypothesis: Hypothesis, keep: int) -> list[Start]:
         points = [m.point for m in order[: max(2, len(order) // 4)]]
         ends = order
     found = [Start(hypothesis, m.point, np.inf, growing=True) for m in ends[:2]]
-    slope = _scored(parent, replace_starts(hypothesis), Projection(parent), 1, 1.0)
+    slope = _scored(parent, replace_starts(hypothesis), projection, 1, 1.0)
     return [*slope, *found][: 1 + keep]
 
 

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from polyworld.data.recording import Recording
 from polyworld.estimation.least_squares import Point
 from polyworld.estimation.run_readout import CHANNELS
-from polyworld.estimation.unknown import Unknown
-from polyworld.gap.fitting import Fitted, fit
-from polyworld.gap.ground import Ground, ground_of
+from polyworld.gap.fitting import Fitted, fit, share_left
+from polyworld.gap.ground import ground_of
 from polyworld.gap.held_out import run_error
 from polyworld.gap.hypothesis import Hypothesis
 from polyworld.gap.settings import GapSettings
@@ -53,16 +52,9 @@ class SealedGap:
         return asdict(self) | {"closed": self.closed}
 
 
-def settled(
-    world: World, recording: Recording, base: tuple[Unknown, ...] = (), settings: GapSettings | None = None
-) -> Fitted:
-    """Fit the initial states of a world, and base unknowns if any, to a recording."""
-    return fit(ground_of(world, recording, settings or GapSettings()), Hypothesis(world, base), growing=True)
-
-
 def settled_alike(worlds: tuple[World, World], recording: Recording, settings: GapSettings) -> tuple[Fitted, Fitted]:
     """Fit the initial states of two worlds to a recording, so that neither loses by a fit that was trapped."""
-    first, second = (settled(world, recording, (), settings) for world in worlds)
+    first, second = (fit(ground_of(world, recording, settings), Hypothesis(world), growing=True) for world in worlds)
     return _better(first, second), _better(second, first)
 
 
@@ -78,13 +70,10 @@ def gap_between(before: Fitted, after: Fitted) -> SealedGap:
     """Measure the gap that two fits to the same runs leave."""
     errors = [_errors(f) for f in (before, after)]
     one, other = (float(np.sqrt(np.mean(e**2))) for e in errors)
-    gap = np.sqrt(max(one**2 - 1.0, 1e-12))
-    share = float(np.sqrt(max(other**2 - 1.0, 0.0)) / gap)
     names = [r.name for r in before.ground.recording.runs]
     by_run = {n: (float(a), float(b)) for n, a, b in zip(names, *errors, strict=True)}
-    kind = next(k for k in range(3) if any((g.columns() % CHANNELS // 3 == k).any() for g in before.ground.readouts))
-    (gap_before, floor), (gap_after, _) = (_in_units(f, kind) for f in (before, after))
-    return SealedGap(one, other, share, by_run, gap_before, gap_after, floor, UNITS[kind])
+    (gap_before, floor, unit), (gap_after, *_) = (left_in_units(f) for f in (before, after))
+    return SealedGap(one, other, share_left(one, other), by_run, gap_before, gap_after, floor, unit)
 
 
 def sealed_gap(
@@ -98,19 +87,21 @@ def sealed_gap(
 
 
 def _errors(fitted: Fitted) -> Array:
-    ground: Ground = fitted.ground
     return np.array(
         [
             run_error(one.residuals, len(states), readout.columns())
-            for one, states, readout in zip(fitted.slopes, fitted.of_states(), ground.readouts, strict=True)
+            for one, states, readout in zip(fitted.slopes, fitted.of_states(), fitted.ground.readouts, strict=True)
         ]
     )
 
 
-def _in_units(fitted: Fitted, kind: int) -> tuple[float, float]:
-    """Return the residuals of one kind beyond the noise, and the noise, corrected for the states fitted."""
+def left_in_units(fitted: Fitted) -> tuple[float, float, str]:
+    """Return the residuals beyond the noise, and the noise, as root mean squares corrected for the states fitted, and
+    their unit: of positions, else of turns or spins."""
+    readouts = fitted.ground.readouts
+    kind = next(k for k in range(3) if any((g.columns() % CHANNELS // 3 == k).any() for g in readouts))
     total = noise = count = paid = 0.0
-    for one, states, readout in zip(fitted.slopes, fitted.of_states(), fitted.ground.readouts, strict=True):
+    for one, states, readout in zip(fitted.slopes, fitted.of_states(), readouts, strict=True):
         columns = readout.columns()
         own = columns % CHANNELS // 3 == kind
         sigma = readout.sigma[columns[own]]
@@ -119,4 +110,5 @@ def _in_units(fitted: Fitted, kind: int) -> tuple[float, float]:
         count += float(own.sum())
         paid += len(states) * float(own.sum()) / max(len(columns), 1)
     floor = noise / max(count, 1.0)
-    return float(np.sqrt(max(total / max(count - paid, 1.0) - floor, 0.0))), float(np.sqrt(floor))
+    left = float(np.sqrt(max(total / max(count - paid, 1.0) - floor, 0.0)))
+    return left, float(np.sqrt(floor)), UNITS[kind]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from polyworld.gap.choose import choose, credible, distinct, helped_folds, winners
-from polyworld.gap.fitting import Fitted
+from polyworld.gap.choose import MOST, choose, credible, distinct, helped_folds, winners
+from polyworld.gap.fitting import Fitted, share_left
 from polyworld.gap.held_out import reduced
 from polyworld.gap.hypothesis import Part
 
@@ -160,7 +160,7 @@ def _kind(named: Fitted, null: Fitted, competitors: Sequence[Fitted]) -> tuple[K
         if competitors:
             return "ambiguous", ()
         return ("nothing_missing", ()) if named.quiet else ("unexplained", ("no effect predicts what is left",))
-    left = np.sqrt(max(after**2 - 1.0, 0.0)) / max(np.sqrt(max(before**2 - 1.0, 0.0)), 1e-12)
+    left = share_left(before, after)
     if after >= settings.near_noise and left > settings.closed:
         return "unexplained", (f"the best law found leaves {100.0 * left:.0f}% of the held-out gap",)
     if competitors:
@@ -204,7 +204,7 @@ def independent_share(fitted: Fitted) -> float:
         both = grid[1:] * grid[:-1]
         product += float(np.nansum(both))
         square += float(np.nansum(grid[1:] ** 2 * np.isfinite(both)))
-    phi = float(np.clip(product / max(square, 1e-300), 0.0, 0.98))
+    phi = float(np.clip(product / max(square, 1e-300), 0.0, MOST))
     return (1.0 - phi) / (1.0 + phi)
 
 

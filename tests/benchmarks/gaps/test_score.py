@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -16,11 +18,11 @@ from tests.benchmarks.hidden_cases import alike
 Recorded = tuple[str, ...]
 
 
-def case(*truths: Recorded, section: str = "one_effect", **more: object) -> Case:
+def case(*truths: Recorded, section: str = "one_effect", **more: Any) -> Case:
     """Return a case of which the key alone matters."""
     world, sets = ball(0.05, 0.1, 60.0, None), tuple(Names(t) for t in truths)
     recording = Recording((one_body("run", np.arange(2.0), np.zeros((2, 3))),))
-    return Case("case", world, recording, sets, alike=alike(section), **more)  # type: ignore[arg-type]
+    return Case("case", world, recording, sets, alike=alike(section), **more)
 
 
 def scored(kind: str, of: Case, *answers: Recorded, equivalent: tuple[Recorded, ...] = ()) -> str:

@@ -7,15 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from polyworld.data.recording import Run
 from polyworld.estimation.linkage import linkages
 from polyworld.estimation.states import state_coordinates
 from polyworld.world import World
+from tests.polyworld.double_pendulum import LOWER, MASS, RADIUS, UPPER, angles
 
 Array = NDArray[np.float64]
-UPPER, LOWER, MASS, RADIUS, G = 0.3, 0.25, 0.1, 0.02, 9.81
 SIGMA = 0.001
 TIMES = np.arange(90) / 60.0
 
@@ -69,22 +68,7 @@ def swung(start: tuple[float, float, float, float], damping: float = 0.0) -> dic
 
     damping [N m s/rad]: of the upper hinge.
     """
-    own = 0.4 * MASS * RADIUS**2
-
-    def rate(_t: float, y: Array) -> Array:
-        a, b, da, db = y
-        couple = MASS * UPPER * LOWER
-        matrix = [
-            [2 * MASS * UPPER**2 + own, couple * np.cos(a - b)],
-            [couple * np.cos(a - b), MASS * LOWER**2 + own],
-        ]
-        force = [
-            -couple * np.sin(a - b) * db**2 - 2 * MASS * G * UPPER * np.sin(a) - damping * da,
-            couple * np.sin(a - b) * da**2 - MASS * G * LOWER * np.sin(b),
-        ]
-        return np.array([da, db, *np.linalg.solve(matrix, force)])
-
-    found = solve_ivp(rate, (0.0, TIMES[-1]), start, t_eval=TIMES, rtol=1e-10, atol=1e-12).y
+    found = angles(start, TIMES, damping)
     upper = hung(UPPER, found[0])
     return {"a": upper, "b": upper + hung(LOWER, found[1])}
 

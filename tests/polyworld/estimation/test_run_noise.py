@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -16,9 +18,9 @@ Array = NDArray[np.float64]
 TIMES = np.arange(192) / 120.0
 
 
-def run(places: Array, times: Array = TIMES, name: str = "run", turns: Array | None = None, **more: object) -> Run:
+def run(places: Array, times: Array = TIMES, name: str = "run", turns: Array | None = None, **more: Any) -> Run:
     turns = np.full((len(times), 4), np.nan) if turns is None else turns
-    return Run(name, ("ball",), times, places[:, None], turns[:, None], **more)  # type: ignore[arg-type]
+    return Run(name, ("ball",), times, places[:, None], turns[:, None], **more)
 
 
 def flight(sigma: float | Array, seed: int, times: Array = TIMES) -> Array:

@@ -9,11 +9,11 @@ from scipy.integrate import solve_ivp
 
 from polyworld.data.recording import Recording, Run
 from polyworld.gap.catalogue import named
+from polyworld.gap.examine import examined
 from polyworld.gap.experiment import propose_experiment
 from polyworld.gap.fitting import Fitted, fit
 from polyworld.gap.ground import Ground, ground_of
 from polyworld.gap.hypothesis import Hypothesis, extended
-from polyworld.gap.sealed import settled
 from polyworld.gap.settings import GapSettings
 from polyworld.world import World
 
@@ -130,5 +130,5 @@ def test_nothing_is_proposed_for_one_contender_or_a_body_that_is_held() -> None:
     world = World.model_validate({**ball_world().model_dump(), "joints": [hinge]})
     angle = 0.1 * np.cos(np.sqrt(G) * TIMES)
     places = np.stack([-np.sin(angle), np.zeros_like(angle), 2.0 - np.cos(angle)], axis=1)
-    swing = settled(world, Recording((recorded(places),)))
+    swing = examined(world, Recording((recorded(places),)))
     assert propose_experiment([swing, swing], SETTINGS) is None

@@ -2,17 +2,16 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from polyworld.data.recording import Recording, Run
 from polyworld.gap import find_gap
 from polyworld.gap.catalogue import named
 from polyworld.gap.report import effects_of
 from polyworld.world import World
+from tests.polyworld.double_pendulum import LOWER, MASS, RADIUS, UPPER, angles
 from tests.polyworld.gap_scenes import pendulum_recording, pendulum_world
 
 Array = NDArray[np.float64]
-UPPER, LOWER, MASS, RADIUS, G = 0.3, 0.25, 0.1, 0.02, 9.81
 SIGMA, TIMES = 0.001, np.arange(60) / 60.0
 
 
@@ -31,22 +30,7 @@ def double() -> World:
 
 def swung(start: tuple[float, float, float, float], damping: float, seed: int) -> Run:
     """Angles from hanging and their rates, with the balls' own inertia; damping [N m s/rad] of the upper hinge."""
-    own = 0.4 * MASS * RADIUS**2
-
-    def rate(_t: float, y: Array) -> Array:
-        a, b, da, db = y
-        couple = MASS * UPPER * LOWER
-        matrix = [
-            [2 * MASS * UPPER**2 + own, couple * np.cos(a - b)],
-            [couple * np.cos(a - b), MASS * LOWER**2 + own],
-        ]
-        force = [
-            -couple * np.sin(a - b) * db**2 - 2 * MASS * G * UPPER * np.sin(a) - damping * da,
-            couple * np.sin(a - b) * da**2 - MASS * G * LOWER * np.sin(b),
-        ]
-        return np.array([da, db, *np.linalg.solve(matrix, force)])
-
-    found = solve_ivp(rate, (0.0, TIMES[-1]), start, t_eval=TIMES, rtol=1e-10, atol=1e-12).y
+    found = angles(start, TIMES, damping)
     upper, lower = (
         long * np.stack([-np.sin(q), 0.0 * q, -np.cos(q)], axis=-1)
         for long, q in ((UPPER, found[0]), (LOWER, found[1]))

@@ -9,6 +9,7 @@ from polyworld.gap import find_gap
 from polyworld.gap.catalogue import named
 from polyworld.gap.report import effects_of
 from polyworld.world import World
+from polyworld.world.parameters import read_parameter
 from tests.polyworld.gap_scenes import LENGTH, MASS, G, pendulum_world
 
 TIMES = np.arange(90) / 30.0
@@ -65,4 +66,4 @@ def test_a_spring_of_another_stiffness_is_found() -> None:
     offered = named(["stiffness_error", "linear_drag"])
     report = find_gap(SPRUNG, recorded(places), candidates=offered)
     assert (report.verdict.kind, report.names) == ("identified", ("stiffness_error",))
-    assert report.world.joints[0].stiffness == pytest.approx(stiffness, rel=1e-3)  # type: ignore[union-attr]
+    assert read_parameter(report.world, "joints.coil.stiffness") == pytest.approx(stiffness, rel=1e-3)

@@ -10,9 +10,9 @@ from scipy.stats import ncx2
 from polyworld.data.recording import Recording, Run
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.catalogue import catalogue, named
+from polyworld.gap.examine import examined
 from polyworld.gap.fitting import Fitted
 from polyworld.gap.power import power_check
-from polyworld.gap.sealed import settled
 from polyworld.gap.settings import GapSettings
 from polyworld.world import World
 
@@ -40,7 +40,7 @@ def flights(seed: int, push: Array | float = 0.0) -> Recording:
 
 def fitted(seed: int, base: tuple[Unknown, ...] = ()) -> Fitted:
     ball = {"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}, "position": [0, 0, 1]}
-    return settled(World.model_validate({"objects": [ball]}), flights(seed), base)
+    return examined(World.model_validate({"objects": [ball]}), flights(seed), base)
 
 
 def least_tilt() -> float:

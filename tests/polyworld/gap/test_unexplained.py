@@ -12,11 +12,11 @@ from polyworld.data.recording import Recording, Run
 from polyworld.expressions import Expression, compile_expression
 from polyworld.gap.adding import with_parts
 from polyworld.gap.catalogue import named
+from polyworld.gap.examine import examined
 from polyworld.gap.fitting import fit
 from polyworld.gap.hypothesis import extended
 from polyworld.gap.residual_force import ResidualForce, residual_force
 from polyworld.gap.residual_terms import Number, Term, library, sum_text
-from polyworld.gap.sealed import settled
 from polyworld.gap.settings import GapSettings
 from polyworld.solver.rollout import simulator
 from polyworld.world import Effect, World
@@ -95,7 +95,7 @@ def thrown() -> Recording:
 
 
 def described(acceleration: Law) -> ResidualForce | None:
-    null = settled(puck_world(), recorded(acceleration))
+    null = examined(puck_world(), recorded(acceleration))
     return residual_force(null.ground, null, null, GapSettings(), lambda: False)
 
 
@@ -195,7 +195,7 @@ def test_no_law_is_found_where_only_noise_is_left() -> None:
 
 
 def test_a_torque_stays_beside_the_force_that_is_missing() -> None:
-    null = settled(ball_world(), thrown())
+    null = examined(ball_world(), thrown())
     (way, *_) = extended(null.hypothesis, named(["spin_damping"])[0], null.ground.recording)
     best = fit(null.ground, way, growing=True)
     found = residual_force(null.ground, best, null, GapSettings(), lambda: False)
@@ -211,7 +211,7 @@ def test_a_torque_stays_beside_the_force_that_is_missing() -> None:
 
 
 def test_a_search_that_is_stopped_says_so() -> None:
-    null = settled(puck_world(), recorded(drag))
+    null = examined(puck_world(), recorded(drag))
     calls = iter(range(10**6))
     found = residual_force(null.ground, null, null, GapSettings(), lambda: next(calls) > 22)
     assert found is not None
