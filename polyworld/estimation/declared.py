@@ -12,10 +12,10 @@ from polyworld.estimation.fit_settings import Gaussian, PriorSettings
 from polyworld.estimation.study import Study
 from polyworld.estimation.unknown import Unknown
 from polyworld.expressions.effect import law_of
-from polyworld.world import Effect, World
+from polyworld.world import Effect, World, geometry
 from polyworld.world.materials import material_of
 from polyworld.world.parameter_tables import ParameterSpec
-from polyworld.world.parameters import parameter_paths, read_parameter, specification
+from polyworld.world.parameters import object_mass, parameter_paths, read_parameter, specification
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Capsule, Cylinder, Sphere
 
@@ -23,7 +23,10 @@ Rolling = Literal["slides", "rolls", "skids"]
 """How balls and lying cylinders move: launched without spin, rolling from the start, or never rolling up."""
 
 ABSENT = 3.0  # deviations below a bound to which the coordinate of what may be absent goes
-RESISTANCE = "resistance"  # name of the effect that a fit adds
+RESISTANCE, AIR_DRAG = "resistance", "resistance_by_area"  # names of effects that a fit adds
+QUADRATIC = {"quadratic_damping", "quadratic_drag", "air_drag"}
+ALIKE = 2.0  # ratio of areas over mass up to which all bodies are damped alike
+AIR = 1.2  # [kg/m^3] density in which coefficients of drag are counted
 PLANE = "environment.motion_plane.friction"
 SKIDS = 0.5  # lever arm of rolling resistance, in radii, above friction's: no ball rolls up against it
 COMMON = "of all without a material"
@@ -44,12 +47,18 @@ def can_roll(item: RigidObject) -> bool:
 
 
 def with_resistance(world: World) -> World:
-    """Return a world of rigid bodies with quadratic damping at rate 0, where it has no law of that kind."""
+    """Return a world of rigid bodies with quadratic damping at rate 0, where it has no law of that kind.
+
+    Where bodies differ in area over mass it has drag by area too.
+    """
     kinds = {e.kind for e in world.effects}
-    if world.coupled or not world.objects or kinds & {"quadratic_damping", "quadratic_drag"} or world.joints:
+    if world.coupled or not world.objects or kinds & QUADRATIC or world.joints:
         return world
-    added = Effect(name=RESISTANCE, kind="quadratic_damping", parameters={"rate": 0.0})
-    return world.model_copy(update={"effects": (*world.effects, added)})
+    added = [Effect(name=RESISTANCE, kind="quadratic_damping", parameters={"rate": 0.0})]
+    if np.ptp([_log_area_over_mass(o) for o in world.objects]) > np.log(ALIKE):
+        drag = {"drag_coefficient": 0.0, "air_density": AIR}
+        added.append(Effect(name=AIR_DRAG, kind="air_drag", parameters=drag))
+    return world.model_copy(update={"effects": (*world.effects, *added)})
 
 
 def constants(
@@ -86,7 +95,7 @@ def constants(
 
 def _other_paths(world: World, materials: Sequence[str] | None) -> list[str]:
     """Paths of numbers that have no ordinary value: of effects, joints, pulleys, emitters, deformable materials."""
-    ours = [e.name for e in world.effects if e.name == RESISTANCE or e.kind == "collision_slack"]
+    ours = [e.name for e in world.effects if e.name in (RESISTANCE, AIR_DRAG) or e.kind == "collision_slack"]
     acting = [e for e in world.effects if e.enabled and e.name not in ours]
     found = [f"effects.{e.name}.{key}" for e in acting for key in law_of(e).parameters]
     for item in world.deformables:
@@ -258,21 +267,28 @@ class _Rows:
         return found
 
     def dampings(self) -> list[Unknown]:
-        """Linear and quadratic damping that all bodies share."""
-        free = [o for run in self.study.runs for o in run.world.objects if not run.world.joints]
-        if not free:
+        """Rates of linear and quadratic damping that all bodies share, and rates that go as area over mass.
+
+        What resists by area (a film, the air) brakes the lighter body more; what simulators call damping brakes all
+        alike. A rate by area is that of a body of the mean area over mass.
+        """
+        logs: dict[str, list[float]] = {}
+        for world in (run.world for run in self.study.runs if not run.world.joints):
+            for item in world.objects:
+                logs.setdefault(f"objects.{item.name}.linear_damping", []).append(_log_area_over_mass(item))
+        if not logs:
             return []
-        found = []
-        sd = self.settings.linear_damping
-        found.append(
-            Unknown(
-                "linear_damping", _paths(free, "linear_damping"), "1/s", sd / 3.0, 0.0, 20.0 * sd, sd, prior=(0.0, sd)
-            )
-        )
-        sd = self.settings.quadratic_damping
-        if any(e.name == RESISTANCE for run in self.study.runs for e in run.world.effects):
-            path = f"effects.{RESISTANCE}.rate"
-            found.append(Unknown("quadratic_damping", (path,), "1/m", sd / 2.0, 0.0, 10.0 * sd, sd, prior=(0.0, sd)))
+        own = np.array([np.mean(found) for found in logs.values()])
+        mean, by_area = float(np.exp(own.mean())), tuple(float(v) for v in np.exp(own - own.mean()))
+        linear, quadratic = self.settings.linear_damping, self.settings.quadratic_damping
+        effects = {e.name for run in self.study.runs for e in run.world.effects}
+        found = [_absent("linear_damping", tuple(logs), "1/s", linear)]
+        if RESISTANCE in effects:
+            found.append(_absent("quadratic_damping", (f"effects.{RESISTANCE}.rate",), "1/m", quadratic))
+        if AIR_DRAG in effects:
+            path = (f"effects.{AIR_DRAG}.drag_coefficient",)
+            found.append(_absent("linear_damping by area", tuple(logs), "1/s", linear, by_area))
+            found.append(_absent("quadratic_damping by area", path, "1/m", quadratic, (2.0 / AIR / mean,)))
         return found
 
     def masses(self) -> list[Unknown]:
@@ -295,6 +311,17 @@ class _Rows:
 
 def _paths(items: Sequence[RigidObject], field: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(f"objects.{o.name}.{field}" for o in items))
+
+
+def _log_area_over_mass(item: RigidObject) -> float:
+    """Return the logarithm of the cross-section of the ball of a body's volume over the body's mass [m^2/kg]."""
+    volume = geometry.mass_properties(item.shape).volume
+    return float(np.log(np.pi * (0.75 * volume / np.pi) ** (2.0 / 3.0) / object_mass(item)))
+
+
+def _absent(name: str, paths: tuple[str, ...], unit: str, sd: float, powers: tuple[float, ...] = ()) -> Unknown:
+    """Return a rate that may be 0, half-normal; each path takes it times its factor among `powers`."""
+    return Unknown(name, paths, unit, sd / 3.0, 0.0, 20.0 * sd, sd, prior=(0.0, sd), powers=powers)
 
 
 def _log(

@@ -126,11 +126,10 @@ class Block:
         """Return values (k,) by path of shared coordinates (k, S) and states (k, N)."""
         found: dict[str, Array] = {}
         for path, terms in self._terms.items():
-            i, power, logarithmic, lower = terms[0]
             value = (
-                np.exp(sum(p * shared[:, j] for j, p, *_ in terms))
-                if logarithmic
-                else power * np.maximum(shared[:, i], lower)
+                np.exp(sum(p * shared[:, i] for i, p, *_ in terms))
+                if terms[0][2]
+                else sum(p * np.maximum(shared[:, i], lower) for i, p, _, lower in terms)
             )
             found[path] = np.clip(value, *self._limits[path])
         found |= self.states.overrides(states, found)

@@ -18,7 +18,7 @@ from polyworld.world import World, geometry
 
 Array = NDArray[np.float64]
 
-ALONE = ("quadratic_damping", "collision_slack")  # effects that act on every body by itself
+ALONE = ("quadratic_damping", "air_drag", "collision_slack")  # effects that act on every body by itself
 NEAR = 4.0  # standard deviations of the noise by which bodies may be nearer than their tracks
 
 

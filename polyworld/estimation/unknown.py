@@ -16,8 +16,8 @@ class Unknown:
     world's value. plausible: departure from `start` that physics makes ordinary: the width of a normal prior by which
     hypotheses are compared; None where nothing is known. scale: "log" varies the natural logarithm, of which `typical`
     is then a change. prior: mean and standard deviation of a Gaussian prior with which it is fitted, of the logarithm
-    on that scale. powers: exponents with which each path takes the value, as a factor beside those of other unknowns on
-    a log scale; default 1.
+    on that scale. powers: exponents with which each path takes the value, as
+    a factor beside those of other unknowns, on a log scale; on a linear one factors, as a summand; default 1.
     """
 
     name: str
