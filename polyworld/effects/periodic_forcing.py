@@ -63,8 +63,4 @@ def _frequencies(found: Conditions) -> list[float]:
 ABSENCE = Absence(
     ways,
     signature="residual acceleration that swings with time, alike wherever the body is",
-    confused_with={
-        "tilt": "a later start, or a longer run: forcing changes its sign",
-        "spring": "the same motion started at another time",
-    },
 )

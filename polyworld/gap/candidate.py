@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 from polyworld.data.recording import Recording
@@ -38,19 +38,14 @@ class Variant:
 class Candidate:
     """An effect that may be missing: its law and how it shows.
 
-    name: standard name, as verdicts state it. law: formula. signature: what its absence looks like in the residuals.
-    confused_with: effect -> what separates the two. reference: where the law is written down. variants: (world,
-    recording) -> the ways to add it; none where it cannot apply.
-    plain: a law that is expected of ordinary scenes: fitted and reported beside any richer answer. local: whether it
+    name: standard name, as verdicts state it. law: formula. variants: (world, recording) -> the ways to add it; none
+    where it cannot apply. plain: a law that is expected of ordinary scenes: fitted and reported beside any richer answer. local: whether it
     acts at one place or in one run, so that it may be taken for an outlying run.
     """
 
     name: str
     group: Group
     law: str
-    signature: str
-    reference: str
     variants: Callable[[World, Recording], tuple[Variant, ...]]
-    confused_with: Mapping[str, str] = field(default_factory=dict)
     plain: bool = False
     local: bool = False

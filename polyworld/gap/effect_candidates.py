@@ -37,10 +37,7 @@ def _candidate(name: str, kinds: list[str]) -> Candidate:
         name=name,
         group="contact" if law.force is None else "force",
         law="; or ".join(CATALOGUE[k].summary for k in listed),
-        signature=absence.signature,
-        reference=law.reference,
         variants=partial(_variants, listed),
-        confused_with=absence.confused_with,
         plain=absence.plain,
     )
 

@@ -68,7 +68,7 @@ class Term:
 
     def candidate(self) -> Candidate:
         """Return the candidate that adds the term as an effect of its own."""
-        return Candidate(self.name, "force", self.text, self.direction, "", partial(_variants, self))
+        return Candidate(self.name, "force", self.text, partial(_variants, self))
 
 
 def _variants(term: Term, world: World, _: Recording) -> tuple[Variant]:

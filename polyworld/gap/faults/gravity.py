@@ -39,15 +39,7 @@ CANDIDATES = (
         name="gravity_error",
         group="base",
         law="a = g', another gravity than the world's",
-        signature="residual along gravity that grows as the square of the time in free motion, alike at all speeds",
-        reference="Galilei (1638), Discorsi, third day",
         variants=_gravity,
         plain=True,
-        confused_with={
-            "buoyancy": "only bodies of different density fall differently",
-            "observer_scale": "lengths that are known: a body's radius where it rests, distances of walls",
-            "observer_clock": "a motion whose time is known otherwise: a motor, a spring, a second clock",
-            "quadratic_drag": "the residual depends on the speed; a slower or faster throw",
-        },
     ),
 )

@@ -139,10 +139,7 @@ CANDIDATES = (
         name="hidden_body",
         group="structure",
         law="a ball, as large as what strikes it, at rest until it is struck",
-        signature="a sudden change of one body's velocity where nothing is seen",
-        reference="Newton's law of impact between two bodies",
         variants=_body,
         local=True,
-        confused_with={"hidden_wall": "hits at several places", "fan": "the sharpness of the change"},
     ),
 )

@@ -275,13 +275,7 @@ CANDIDATES = (
         name="hidden_wall",
         group="structure",
         law="a plane that bodies rebound from",
-        signature="paths that turn back at one plane where nothing is seen",
-        reference="Newton's law of impact at a fixed plane",
         variants=_wall,
         local=True,
-        confused_with={
-            "hidden_body": "hits at several places: a wall turns all back along one line",
-            "tether": "the sharpness of the turn, and its shape: a tether's is a circle",
-        },
     ),
 )

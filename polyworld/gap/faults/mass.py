@@ -33,9 +33,6 @@ CANDIDATES = (
         name="mass_error",
         group="base",
         law="m' of one body, where masses share momentum",
-        signature="both bodies' velocities are wrong after they meet, in opposite directions",
-        reference="Newton, Principia I, law 3 and corollary 3",
         variants=_mass,
-        confused_with={"restitution_error": "the momentum of the pair: the masses change it, restitution does not"},
     ),
 )

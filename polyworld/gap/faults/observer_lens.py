@@ -100,26 +100,12 @@ CANDIDATES = (
         name="observer_distortion",
         group="observer",
         law="x_seen = centre + (x - centre) (1 + k r^2)",
-        signature="residuals depend on place alone and grow with the cube of the distance from a centre",
-        reference="Brown, Photogrammetric Engineering 37 (1971) 855; Zhang, IEEE PAMI 22 (2000) 1330",
         variants=_distortion,
-        confused_with={
-            "spring": "a static grid, or one place passed at different speeds: distortion does not depend on speed",
-            "central_force": "a static grid, or one place passed at different speeds",
-            "observer_scale": "motion near the centre and far from it",
-        },
     ),
     Candidate(
         name="observer_keystone",
         group="observer",
         law="x_seen = centre + (x - centre) / (1 + p . (x - centre))",
-        signature="residuals depend on place alone: lengths are too short at one end and too long at the other",
-        reference="Hartley & Zisserman, Multiple View Geometry (2004), ch. 2",
         variants=_keystone,
-        confused_with={
-            "gravity_error": "motion on both sides of the middle: accelerations are wrong by opposite shares",
-            "quadratic_drag": "bodies of other mass or size in the same place, or one place passed at another speed",
-            "observer_distortion": "motion on both sides of the middle: distortion is the same on both",
-        },
     ),
 )

@@ -63,13 +63,6 @@ CANDIDATES = (
         name="observer_tilt",
         group="observer",
         law="x_seen = centre + R(tilt)^T (x - centre)",
-        signature="gravity, floors and walls are all turned alike in what was seen",
-        reference="Hartley & Zisserman, Multiple View Geometry (2004), ch. 6",
         variants=_tilt,
-        confused_with={
-            "tilt": "a floor or a wall that is met: the observer's tilt turns it with gravity, a force does not",
-            "wind": "bodies of different mass or size, or at rest",
-            "coriolis": "another heading or a slower launch: turned axes do not depend on speed",
-        },
     ),
 )
