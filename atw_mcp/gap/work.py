@@ -190,7 +190,7 @@ def fitted_effect(
     )
     variant = Variant(child, unknowns, ({},))
     law = "an expression" if effect.kind == "expression" else effect.kind
-    own = Part(Candidate(effect.name, "force", law, "", "", lambda *_: (variant,)), variant)
+    own = Part(Candidate(effect.name, "force", law, lambda *_: (variant,)), variant)
     steps = GapProgress(progress)
     with _interruptible():
         steps.report(0.0, "fitting the world without the effect")

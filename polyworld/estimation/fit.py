@@ -17,7 +17,7 @@ from polyworld.estimation.cem import CemSettings
 from polyworld.estimation.declared import Rolling, constants, with_resistance
 from polyworld.estimation.fit_settings import FitSettings
 from polyworld.estimation.least_squares import Minimum, Point, Problem
-from polyworld.estimation.noise_of_tracks import track_sigma
+from polyworld.estimation.noise import track_sigma
 from polyworld.estimation.posterior import Posterior, SamplingSettings, sample
 from polyworld.estimation.predict import Prediction, predicted
 from polyworld.estimation.problem import Block

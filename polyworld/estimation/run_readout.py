@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.recording import Run
+from polyworld.estimation.noise import RunNoise
 from polyworld.estimation.rotation_counting import counted_angles, counted_vectors
-from polyworld.estimation.run_noise import RunNoise
 from polyworld.model import mesh_of
 from polyworld.probing.readouts.material_points import MaterialPoints, material_points
 from polyworld.trajectory import BatchTrajectory

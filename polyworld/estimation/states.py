@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.noise import noise_level
 from polyworld.data.recording import Run
 from polyworld.estimation.initial_state import StateMap
 from polyworld.estimation.initial_support import (
@@ -19,7 +20,6 @@ from polyworld.estimation.initial_support import (
     is_supported,
     keeps_height,
     may_be_supported,
-    noise_of,
     rest_place,
 )
 from polyworld.estimation.linkage import is_held, linkages
@@ -98,7 +98,7 @@ def _free(world: World, item: RigidObject, run: Run) -> StateMap:
         supported = level and may_be_supported(world, item, run)
         supports = axis if supported else supports
         known = rest_place(world, item, run, axis) if supported else None
-        if known is not None and not is_aloft(values[rows], known):
+        if known is not None and not is_aloft(times[rows], values[rows], known):
             fixed[f"position.{letter}"] = known
             continue
         if supported and known is None:
@@ -205,12 +205,12 @@ def initial_spin(run: Run, column: int) -> Array:
 
 
 def _first_value(times: Array, values: Array) -> float:
-    first, count = float(values[0]), EARLY
+    first, count, noise = float(values[0]), EARLY, float(np.nan_to_num(noise_level(times, values)))
     while count <= len(values):
         line = np.polyfit(times[:count], values[:count], 1)
         rest = values[:count] - np.polyval(line, times[:count])
         free = count - 2
-        if float(rest @ rest) > noise_of(values) ** 2 * (free + ERRORS * np.sqrt(2.0 * free)):
+        if float(rest @ rest) > noise**2 * (free + ERRORS * np.sqrt(2.0 * free)):
             break
         first = float(line[1])
         if count == len(values):

@@ -39,8 +39,8 @@ class Candidate:
     """An effect that may be missing: its law and how it shows.
 
     name: standard name, as verdicts state it. law: formula. variants: (world, recording) -> the ways to add it; none
-    where it cannot apply. plain: a law that is expected of ordinary scenes: fitted and reported beside any richer answer. local: whether it
-    acts at one place or in one run, so that it may be taken for an outlying run.
+    where it cannot apply. plain: a law that is expected of ordinary scenes: fitted and reported beside any richer
+    answer. local: whether it acts at one place or in one run, so that it may be taken for an outlying run.
     """
 
     name: str

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.noise import noise_level
 from polyworld.screening.finding import Finding, length, listed, runs_listed
 from polyworld.screening.settings import DEFAULT, ScreenSettings
-from polyworld.screening.tracks import Track, last_digit, scatter
+from polyworld.screening.tracks import Track, last_digit
 
 Array = NDArray[np.float64]
 
@@ -37,7 +38,7 @@ def grid_steps(tracks: Sequence[Track], settings: ScreenSettings) -> dict[tuple[
             step = grid_step(values, np.concatenate([np.diff(c) for c in columns]), settings)
             if not step > settings.resolved * extent:
                 continue
-            levels = [scatter(t.times, t.places[:, axis : axis + 1])[0] for t in own]
+            levels = [noise_level(t.times, t.places[:, axis]) for t in own]
             noise = float(np.nanmedian(levels)) if np.isfinite(levels).any() else 0.0
             if step / np.sqrt(12.0) > settings.rounding_share * noise:
                 found[name, axis] = step

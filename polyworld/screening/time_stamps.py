@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.noise import noise_levels
 from polyworld.screening.finding import Finding, length, runs_listed
 from polyworld.screening.settings import DEFAULT, ScreenSettings
-from polyworld.screening.tracks import Track, last_digit, scatter
+from polyworld.screening.tracks import Track, last_digit
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -122,7 +123,7 @@ def repeated_rows(
     rounding = np.broadcast_to(np.asarray(quantum, dtype=float), values.shape[1:])
     pixel = 0.0 if np.any(rounding > 0.0) else _uneven_step(values[first], np.diff(np.append(first, m)), settings)
     # Without a grid, equal rows are no accident of the noise.
-    noise = np.nan_to_num(scatter(times[first], values[first]))
+    noise = np.nan_to_num(noise_levels(times[first], values[first]))
     margin = np.where(rounding > 0.0, rounding + 3.0 * np.sqrt(np.maximum(noise**2 - rounding**2 / 12.0, 0.0)), 0.0)
     group = np.cumsum(np.concatenate([[True], ~equal])) - 1
     for row in np.flatnonzero(equal) + 1:

@@ -13,10 +13,10 @@ from atw_mcp.probing.ensembles import Ensemble
 from polyworld.estimation.accuracy import errors
 from polyworld.estimation.fit import FitOptions, FittedRun, fit
 from polyworld.estimation.readout import observed_entries
-from polyworld.estimation.study import of_one
 from polyworld.estimation.unknown import Unknown
 from polyworld.probing.query import QueryResult
 from tests.polyworld.estimation.closed_form import ClosedForm, observe, thrown_ball
+from tests.polyworld.synthetic import of_one
 
 RADIUS, SIGMA = 0.1, 0.01  # [m]
 

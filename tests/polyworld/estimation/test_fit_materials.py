@@ -9,12 +9,12 @@ import pytest
 
 from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.readout import TracksReadout
-from polyworld.estimation.study import of_one
 from polyworld.estimation.unknown import Unknown
 from polyworld.pictures.render import look_at
 from polyworld.probing.readouts import ImageOccupancy, Tension
 from polyworld.solver.rollout import simulator
 from polyworld.world import World
+from tests.polyworld.synthetic import of_one
 from tests.scenes.material_parameters import Scene, scenes
 
 SCENES = {scene.name: scene for scene in scenes()}

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from polyworld.data.recording import Run
-from polyworld.estimation.run_noise import RunNoise
+from polyworld.estimation.noise import RunNoise
 from polyworld.estimation.run_readout import CHANNELS, ObservedMotion, RunReadout
 from polyworld.solver.rollout import simulator
 from polyworld.world import Environment, MotionPlane, World

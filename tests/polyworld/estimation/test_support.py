@@ -7,7 +7,6 @@ import pytest
 
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.fit import FitOptions, fit
-from polyworld.estimation.study import of_one
 from polyworld.estimation.support import supports, with_supports
 from polyworld.solver.rollout import rollout
 from polyworld.world import Environment, MotionPlane, StaticObject, World, geometry
@@ -26,6 +25,7 @@ from tests.polyworld.estimation.floor_scenes import (
     tracks_of,
     upright,
 )
+from tests.polyworld.synthetic import of_one
 
 COUNT = 20
 TILT = 0.3  # [rad] of a ramp

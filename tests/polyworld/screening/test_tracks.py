@@ -8,12 +8,13 @@ from functools import cache
 import numpy as np
 import pytest
 
+from polyworld.data.noise import noise_levels
 from polyworld.data.recording import Recording, Run
 from polyworld.screening import Screening, screen
 from polyworld.screening.grid import grid_step, grid_steps
 from polyworld.screening.settings import DEFAULT
 from polyworld.screening.time_stamps import repeated_rows
-from polyworld.screening.tracks import scatter, tracks_of
+from polyworld.screening.tracks import tracks_of
 from polyworld.world import StaticObject, World
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Box, Sphere
@@ -82,7 +83,7 @@ def test_noise_is_measured_on_smooth_motion_and_on_fast_oscillations() -> None:
     rng = np.random.default_rng(4)
     times = np.arange(300) / 60.0
     values = np.stack([times**2, np.sin(2.0 * np.pi * 6.0 * times)], axis=1)
-    found = scatter(times, values + 1e-3 * rng.standard_normal(values.shape))
+    found = noise_levels(times, values + 1e-3 * rng.standard_normal(values.shape))
     assert found[0] == pytest.approx(1e-3, rel=0.2)
     assert found[1] == pytest.approx(1e-3, rel=1.5)
 
