@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.tracks import ObservedTracks, without_spread
-from polyworld.estimation.readout import Entries, observed_entries, sample_times
+from polyworld.estimation.readout import CHANNELS, RunReadout, sample_times, tracks_readout
 from polyworld.trajectory import BatchTrajectory, Trajectory
 from polyworld.world import World
 
@@ -81,40 +81,44 @@ def accuracy(world: World, tracks: ObservedTracks, trajectory: Trajectory) -> Ac
         events=((),),
         deformables={name: motion.select(None) for name, motion in trajectory.deformables.items()},
     )
-    return errors(observed_entries(world, tracks), batch, 0, len(times))
+    return errors(tracks_readout(world, tracks), batch, 0, len(times))
 
 
-def errors(entries: Sequence[Entries], batch: BatchTrajectory, first: int, last: int) -> Accuracy:
+def errors(readout: RunReadout, batch: BatchTrajectory, first: int, last: int) -> Accuracy:
     """Measure the errors of the first world of a batch over the samples `first` to before `last`."""
-    sizes: dict[str, dict[str, list[Array]]] = {"position": {}, "rotation": {}}
-    unexplained: dict[str, list[Array]] = {}
-    standardised = []
-    for e in entries:
-        keep = (e.sample >= first) & (e.sample < last)
-        apart = e.differences(batch, last)[0][keep[: e.before(last)]]
-        size = np.linalg.norm(apart, axis=-1)
-        beyond = size if e.spread is None else np.linalg.norm(without_spread(apart, e.spread[keep]), axis=-1)
-        for owner in np.unique(e.owner[keep]):
-            own = e.owner[keep] == owner
-            sizes.setdefault(e.kind, {}).setdefault(e.names[owner], []).append(size[own])
-            if e.kind == "position":
-                unexplained.setdefault(e.names[owner], []).append(beyond[own])
-        if e.kind not in ("position", "rotation"):
-            standardised.append(e.standardised(batch, last)[0][keep[: e.before(last)]].ravel())
-    positions, rotations = sizes.pop("position"), sizes.pop("rotation")
-    distances = np.concatenate([np.zeros(0), *(part for parts in positions.values() for part in parts)])
+    shape = (*readout.measured.shape[:1], -1, CHANNELS)
+    measured = readout.measured.reshape(shape)[first:last]
+    apart = np.where(measured, readout.differences(batch, last)[0, first:], 0.0)
+    sizes: list[dict[str, Array]] = [{}, {}, {}]
+    for column, name in enumerate(readout.run.names):
+        for kind, channels in enumerate((slice(0, 3), slice(3, 6))):
+            rows = np.flatnonzero(measured[:, column, channels].any(axis=1))
+            own = apart[rows, column, channels]
+            if len(rows):
+                sizes[kind][name] = np.linalg.norm(own, axis=1)
+            if len(rows) and kind == 0:
+                spread = np.zeros_like(own) if readout.spread is None else readout.spread[first:last][rows, column]
+                sizes[2][name] = np.linalg.norm(without_spread(own, spread), axis=1)
     shapes: dict[str, dict[str, float]] = {}
-    for kind, by_object in sizes.items():
-        for name, parts in by_object.items():
-            shapes.setdefault(name, {})[kind] = _rms(parts)
+    standardised = []
+    for e in readout.shapes:
+        keep = (e.sample >= first) & (e.sample < last)
+        own = e.standardised(batch, last)[0]
+        own = own[keep[: len(own)]]
+        standardised.append(own.ravel())
+        size = np.linalg.norm(own * e.sigma[keep][: len(own), None], axis=1)
+        if keep.any():
+            shapes.setdefault(e.object, {})[e.kind] = _rms([size])
+    distances = np.concatenate([np.zeros(0), *sizes[0].values()])
+    by_object = [{name: _rms([size]) for name, size in kind.items()} for kind in sizes]
     return Accuracy(
         position=_rms([distances]),
-        rotation=_rms([part for parts in rotations.values() for part in parts]),
+        rotation=_rms(list(sizes[1].values())),
         worst_position=float(distances.max()) if len(distances) else float("nan"),
         samples=len(distances),
-        position_by_object={name: _rms(parts) for name, parts in positions.items()},
-        unexplained_by_object={name: _rms(parts) for name, parts in unexplained.items()},
-        rotation_by_object={name: _rms(parts) for name, parts in rotations.items()},
+        position_by_object=by_object[0],
+        unexplained_by_object=by_object[2],
+        rotation_by_object=by_object[1],
         shape_by_readout=shapes,
         shape_score=_rms(standardised),
     )

@@ -21,7 +21,7 @@ from polyworld.estimation.noise import track_sigma
 from polyworld.estimation.posterior import Posterior, SamplingSettings, sample
 from polyworld.estimation.predict import Prediction, predicted
 from polyworld.estimation.problem import Block
-from polyworld.estimation.readout import TracksReadout, observed_entries, sample_times
+from polyworld.estimation.readout import sample_times, tracks_readout
 from polyworld.estimation.search import Search, SearchSettings, search
 from polyworld.estimation.starts import initial_state
 from polyworld.estimation.stretches import Stretch, stretches
@@ -276,7 +276,7 @@ class _Fit:
             world = _coarser(world, self.settings.descent.substep)
             part = replace(part, world=world)
             states = initial_state(part, self.settings.priors, rolling, free=self.options.states)
-            readout = TracksReadout(world, part.tracks, sigma)
+            readout = tracks_readout(world, part.tracks, sigma)
             blocks.append(
                 Block(run.name, world, sample_times(world, part.tracks), readout, states, part.link, groups=part.groups)
             )
@@ -350,7 +350,7 @@ class _Fit:
                 if p.startswith("effects.") or p.rsplit(".", 2)[-2] not in STATE
             }
             coarse = _written(_coarser(start, self.settings.descent.substep), given)
-            readout, times = TracksReadout(coarse, self.shown[r], self.sigma[r]), sample_times(coarse, self.shown[r])
+            readout, times = tracks_readout(coarse, self.shown[r], self.sigma[r]), sample_times(coarse, self.shown[r])
             joint = refined(led, coarse, blocks, readout, times, found.minimum.point.states[r][0], self.settings)
         world = _written(start, {path: float(v[0]) for path, v in joint.items()})
         shown = self.shown[r]
@@ -520,7 +520,7 @@ def _accuracy(world: World, tracks: ObservedTracks, cut: int | None = None) -> A
     if batch.stopped[0]:
         return None
     first = 0 if cut is None else int(np.searchsorted(tracks.frames, cut))
-    return errors(observed_entries(world, tracks), batch, first, len(tracks.frames))
+    return errors(tracks_readout(world, tracks), batch, first, len(tracks.frames))
 
 
 def _constants(problem: Problem, minimum: Minimum, named: dict[str, Array]) -> tuple[FittedConstant, ...]:

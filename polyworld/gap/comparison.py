@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.run_readout import CHANNELS
+from polyworld.estimation.readout import CHANNELS
 from polyworld.gap.fitting import Fitted
 
 Array = NDArray[np.float64]

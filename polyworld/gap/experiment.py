@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.problem import LOST
-from polyworld.estimation.run_readout import CHANNELS
+from polyworld.estimation.readout import CHANNELS
 from polyworld.gap.fitting import Fitted
 from polyworld.gap.ground import Ground
 from polyworld.gap.held_out import reduced

@@ -15,7 +15,7 @@ from polyworld.estimation.initial_state import StateMap, joined
 from polyworld.estimation.least_squares import Problem
 from polyworld.estimation.noise import RunNoise, run_noise
 from polyworld.estimation.problem import Block
-from polyworld.estimation.run_readout import ObservedMotion, RunReadout, owner
+from polyworld.estimation.readout import ObservedMotion, RunReadout, owner
 from polyworld.estimation.states import state_coordinates
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.hypothesis import Hypothesis

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.run_readout import CHANNELS
+from polyworld.estimation.readout import CHANNELS
 from polyworld.gap.fitting import Fitted, robust_scale, weights
 from polyworld.gap.ground import Ground
 from polyworld.gap.settings import GapSettings

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.run_readout import CHANNELS, owner
+from polyworld.estimation.readout import CHANNELS, owner
 from polyworld.gap.fitting import Fitted
 from polyworld.gap.onset import Onset, onsets
 from polyworld.gap.phases import motions

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.run_readout import owner
+from polyworld.estimation.readout import owner
 from polyworld.gap.fitting import Fitted
 from polyworld.solver.rollout import simulator
 from polyworld.trajectory import Event

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
 from polyworld.estimation.least_squares import Point
-from polyworld.estimation.run_readout import CHANNELS
+from polyworld.estimation.readout import CHANNELS
 from polyworld.gap.fitting import Fitted, fit, share_left
 from polyworld.gap.ground import ground_of
 from polyworld.gap.held_out import run_error
