@@ -56,7 +56,7 @@ def misfits(world: World, run: Trajectory, tracks: ObservedTracks) -> list[Misfi
     distances, sigmas = (np.linalg.norm(np.where(seen, d[..., :3], 0.0), axis=-1) for d in both)
     found = []
     for column, name in enumerate(readout.run.names):
-        rows: NDArray[np.bool_] = seen[:, column].any(axis=1)
+        rows: NDArray[np.bool_] = np.any(seen[:, column], axis=1)
         if not rows.any():
             continue
         stated = tracks.position_sigma[:, tracks.index(name)]
