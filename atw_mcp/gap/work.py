@@ -16,22 +16,18 @@ from polyworld.core import interruption
 from polyworld.data.recording import Recording
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapReport, GapSettings, find_gap
-from polyworld.gap.adding import with_parts
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.gap.candidate import Candidate, Variant, with_parts
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.cautions import cautions
 from polyworld.gap.choose import score
-from polyworld.gap.comparison import Compared, compared
-from polyworld.gap.examine import examined, predicted
+from polyworld.gap.cross_validation import examined, fold_counts, folds_of, predicted
 from polyworld.gap.fitting import Fitted, fit
 from polyworld.gap.ground import ground_of
-from polyworld.gap.held_out import fold_counts, folds_of
 from polyworld.gap.hypothesis import Hypothesis, Part
 from polyworld.gap.localise import localise
 from polyworld.gap.power import power_check
-from polyworld.gap.report import effects_of, finite, plain_laws
-from polyworld.gap.sealed import gap_between, left_in_units, settled_alike
-from polyworld.gap.sealing import Split
+from polyworld.gap.report import Compared, compared, effects_of, finite, plain_laws
+from polyworld.gap.sealed import Split, gap_between, left_in_units, settled_alike
 from polyworld.screening import screen
 from polyworld.world import Effect, World
 from polyworld.world.parameters import parameter_paths, with_parameters

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from polyworld.data.initial_states import with_initial_states
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.accuracy import Accuracy, errors
-from polyworld.estimation.cem import CemSettings
 from polyworld.estimation.declared import Rolling, constants, with_resistance
 from polyworld.estimation.fit_settings import FitSettings
 from polyworld.estimation.least_squares import Minimum, Point, Problem
@@ -22,7 +21,7 @@ from polyworld.estimation.posterior import Posterior, SamplingSettings, sample
 from polyworld.estimation.predict import Prediction, predicted
 from polyworld.estimation.problem import Block
 from polyworld.estimation.readout import sample_times, tracks_readout
-from polyworld.estimation.search import Search, SearchSettings, search
+from polyworld.estimation.search import CemSettings, Search, SearchSettings, search
 from polyworld.estimation.starts import initial_state
 from polyworld.estimation.stretches import Stretch, stretches
 from polyworld.estimation.study import Study, StudyRun

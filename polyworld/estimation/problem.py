@@ -12,10 +12,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.initial_state import StateMap
 from polyworld.estimation.machines import Job, Machines, Seat, roll
 from polyworld.estimation.stretches import Link
-from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.unknown import StateMap, Unknown
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
 

@@ -12,11 +12,10 @@ from polyworld.data.initial_states import InitialState, initial_states
 from polyworld.data.recording import Run
 from polyworld.estimation.declared import SKIDS, Rolling, can_roll
 from polyworld.estimation.fit_settings import PriorSettings
-from polyworld.estimation.initial_state import StateMap, joined, of_paths
 from polyworld.estimation.states import linkage_states
 from polyworld.estimation.stretches import Stretch
 from polyworld.estimation.support import Support, rolling_spin, supports
-from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.unknown import StateMap, Unknown, joined, of_paths
 from polyworld.world import World, geometry
 from polyworld.world.materials import material_of
 from polyworld.world.parameters import specification

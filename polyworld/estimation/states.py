@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from polyworld.data.noise import noise_level
 from polyworld.data.recording import Run
-from polyworld.estimation.initial_state import StateMap
 from polyworld.estimation.initial_support import (
     is_aloft,
     is_supported,
@@ -23,6 +22,7 @@ from polyworld.estimation.initial_support import (
     rest_place,
 )
 from polyworld.estimation.linkage import is_held, linkages
+from polyworld.estimation.unknown import StateMap
 from polyworld.world import World, geometry
 from polyworld.world.materials import material_of
 from polyworld.world.representations.rigid import RigidObject

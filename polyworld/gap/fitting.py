@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 FEWEST = 6  # residuals of a channel that show its scale
 REST = 0.02  # fall of chi-square, in squared scales, below which an iteration gains nothing
 OPENINGS = (0.12, 0.35, 0.7, 1.0)  # shares of the time of growing fits, after the first samples
+UNCORRELATED = 0.1  # correlation below which residuals count as independent
+MOST = 0.98  # correlation that is believed
 
 
 @dataclass
@@ -72,6 +74,18 @@ class Fitted:
         """Whether nothing is left: held-out errors near the noise, or too small beside the motion to be modelled."""
         settings = self.ground.settings
         return self.error < settings.near_noise or self.error * self.ground.relative_noise < settings.negligible
+
+    @property
+    def independent_share(self) -> float:
+        """Share (1 - phi) / (1 + phi) of held-out residuals that count as independent; phi: their lag-1 correlation."""
+        product = square = 0.0
+        for grid in self.grids:
+            grid = grid / max(float(np.sqrt(np.nanmean(grid**2))), 1e-300)  # no single run decides
+            both = grid[1:] * grid[:-1]
+            product += float(np.nansum(both))
+            square += float(np.nansum(grid[1:] ** 2 * np.isfinite(both)))
+        phi = float(np.clip(product / max(square, 1e-300), 0.0, MOST))
+        return (1.0 - phi) / (1.0 + phi) if phi > UNCORRELATED else 1.0
 
     def of_states(self) -> list[Array]:
         """Return the initial states by run."""
@@ -132,12 +146,6 @@ def robust_scale(residuals: Array, columns: NDArray[np.int64]) -> float:
 def share_left(before: float, after: float) -> float:
     """Return the share of a gap beyond the noise that is left; before, after: errors in standard deviations of it."""
     return float(np.sqrt(max(after**2 - 1.0, 0.0)) / np.sqrt(max(before**2 - 1.0, 1e-12)))
-
-
-def weights(residuals: Array, threshold: float) -> Array:
-    """Return Huber's weights (m,) of residuals."""
-    found: Array = np.minimum(1.0, threshold / np.maximum(np.abs(residuals), 1e-300))
-    return found
 
 
 def _soften(problem: Problem, soft: float, scale: float, iterations: int) -> None:

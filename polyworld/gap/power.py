@@ -18,7 +18,6 @@ from polyworld.gap.candidate import Candidate
 from polyworld.gap.fitting import Fitted
 from polyworld.gap.hypothesis import Hypothesis, extended, starts_of
 from polyworld.gap.propose import Projection
-from polyworld.gap.verdict import independent_share
 
 Array = NDArray[np.float64]
 
@@ -69,7 +68,7 @@ def power_check(fitted: Fitted, library: Sequence[Candidate]) -> list[Power]:
 
     Effects that the hypothesis holds, and unknowns whose parameters it fits, are left out.
     """
-    projection, share = Projection(fitted), independent_share(fitted)
+    projection, share = Projection(fitted), fitted.independent_share
     taken = {path for u in fitted.hypothesis.unknowns for path in u.paths}
     found: list[Power] = []
     for candidate in library:

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from polyworld.data.recording import Recording
-from polyworld.gap.adding import by_value, of_path, one_start
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.gap.candidate import Candidate, Variant, by_value, of_path, one_start
 from polyworld.gap.conditions import conditions
 from polyworld.world import World
 from polyworld.world.parameters import read_parameter

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polyworld.data.recording import Recording
-from polyworld.gap.adding import by_value, one_start
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.gap.candidate import Candidate, Variant, by_value, one_start
 from polyworld.world import World
 from polyworld.world.materials import Form, material_of
 

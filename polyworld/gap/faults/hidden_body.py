@@ -11,8 +11,7 @@ from polyworld.data.recording import Recording
 from polyworld.effects.absence import coordinates
 from polyworld.effects.conditions import Conditions
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.adding import free_name, of_path, with_parts
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.gap.candidate import Candidate, Variant, free_name, of_path, with_parts
 from polyworld.gap.conditions import conditions, reach
 from polyworld.gap.kinks import Kink, kinks
 from polyworld.world import StaticObject, World, geometry

@@ -17,8 +17,7 @@ from scipy.spatial.transform import Rotation
 from polyworld.data.recording import Recording
 from polyworld.effects.conditions import Conditions
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.adding import free_name, of_path, with_parts
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.gap.candidate import Candidate, Variant, free_name, of_path, with_parts
 from polyworld.gap.conditions import conditions, reach, tracks
 from polyworld.gap.kinks import Kink, kinks
 from polyworld.world import StaticObject, World, geometry

@@ -9,8 +9,7 @@ import numpy as np
 from polyworld.data.recording import Recording
 from polyworld.effects.absence import WIDE
 from polyworld.effects.conditions import SHARE, Conditions
-from polyworld.gap.adding import of_path, one_start, with_parts
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.gap.candidate import Candidate, Variant, of_path, one_start, with_parts
 from polyworld.gap.conditions import conditions, moment_arm
 from polyworld.world import World
 from polyworld.world.parameters import parameter_paths

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
-from polyworld.gap.adding import one_start
-from polyworld.gap.candidate import Candidate, Variant
-from polyworld.gap.faults.observer_scale_and_time import measured_axes, observed, of_observer
+from polyworld.gap.candidate import Candidate, Variant, one_start
+from polyworld.gap.faults.observer_frame import measured_axes, observed, of_observer
 from polyworld.world import World
 
 Array = NDArray[np.float64]

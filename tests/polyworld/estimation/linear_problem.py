@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.fit_settings import DescentSettings
-from polyworld.estimation.initial_state import of_paths
 from polyworld.estimation.least_squares import Point, Problem
 from polyworld.estimation.problem import Block, Evaluated
 from polyworld.estimation.stretches import Link
-from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.unknown import Unknown, of_paths
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
 from polyworld.world.representations.rigid import RigidObject
