@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap.fitting import Fitted
+from polyworld.gap.fitting import Fitted, independent_share
 from polyworld.gap.settings import GapSettings
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ def score(pool: Sequence[Fitted], counts: Array) -> float:
         f.scores = counts * np.log(np.maximum(f.errors, FLOOR))
         f.total = float(f.scores.sum()) + f.price
     best = min(pool, key=lambda f: f.total)
-    share = best.independent_share
+    share = independent_share(best)
     for f in pool:
         f.scores = share * f.scores
         f.total = float(f.scores.sum()) + f.price

@@ -75,18 +75,6 @@ class Fitted:
         settings = self.ground.settings
         return self.error < settings.near_noise or self.error * self.ground.relative_noise < settings.negligible
 
-    @property
-    def independent_share(self) -> float:
-        """Share (1 - phi) / (1 + phi) of held-out residuals that count as independent; phi: their lag-1 correlation."""
-        product = square = 0.0
-        for grid in self.grids:
-            grid = grid / max(float(np.sqrt(np.nanmean(grid**2))), 1e-300)  # no single run decides
-            both = grid[1:] * grid[:-1]
-            product += float(np.nansum(both))
-            square += float(np.nansum(grid[1:] ** 2 * np.isfinite(both)))
-        phi = float(np.clip(product / max(square, 1e-300), 0.0, MOST))
-        return (1.0 - phi) / (1.0 + phi) if phi > UNCORRELATED else 1.0
-
     def of_states(self) -> list[Array]:
         """Return the initial states by run."""
         return [own[0] for own in self.point.states]
@@ -141,6 +129,19 @@ def robust_scale(residuals: Array, columns: NDArray[np.int64]) -> float:
     counts = np.bincount(columns)
     own = [np.abs(residuals[columns == c]) for c in np.flatnonzero(counts >= FEWEST)]
     return 1.4826 * max([float(np.median(o)) for o in own] or [float(np.median(np.abs(residuals)))])
+
+
+def independent_share(fitted: Fitted) -> float:
+    """Return the share (1 - phi) / (1 + phi) of held-out residuals that count as independent, by their lag-1
+    correlation phi."""
+    product = square = 0.0
+    for grid in fitted.grids:
+        grid = grid / max(float(np.sqrt(np.nanmean(grid**2))), 1e-300)  # no single run decides
+        both = grid[1:] * grid[:-1]
+        product += float(np.nansum(both))
+        square += float(np.nansum(grid[1:] ** 2 * np.isfinite(both)))
+    phi = float(np.clip(product / max(square, 1e-300), 0.0, MOST))
+    return (1.0 - phi) / (1.0 + phi) if phi > UNCORRELATED else 1.0
 
 
 def share_left(before: float, after: float) -> float:

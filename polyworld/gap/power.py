@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.candidate import Candidate
-from polyworld.gap.fitting import Fitted
+from polyworld.gap.fitting import Fitted, independent_share
 from polyworld.gap.hypothesis import Hypothesis, extended, starts_of
 from polyworld.gap.propose import Projection
 
@@ -68,7 +68,7 @@ def power_check(fitted: Fitted, library: Sequence[Candidate]) -> list[Power]:
 
     Effects that the hypothesis holds, and unknowns whose parameters it fits, are left out.
     """
-    projection, share = Projection(fitted), fitted.independent_share
+    projection, share = Projection(fitted), independent_share(fitted)
     taken = {path for u in fitted.hypothesis.unknowns for path in u.paths}
     found: list[Power] = []
     for candidate in library:

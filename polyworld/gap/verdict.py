@@ -12,7 +12,7 @@ from scipy.stats import norm, t
 
 from polyworld.gap.choose import choose, credible, distinct, helped, helped_folds, winners
 from polyworld.gap.cross_validation import reduced
-from polyworld.gap.fitting import Fitted, share_left
+from polyworld.gap.fitting import Fitted, independent_share, share_left
 from polyworld.gap.hypothesis import Part
 
 Array = NDArray[np.float64]
@@ -186,7 +186,7 @@ def intervals(fitted: Fitted, level: float = 0.95) -> Array:
     typical = fitted.problem.typical
     total = found.information.sum(axis=0) * typical[:, None] * typical
     inverse = np.linalg.pinv(total + 1e-12 * np.diag(np.diag(total) + 1e-12), rcond=1e-13, hermitian=True)
-    share = fitted.independent_share
+    share = independent_share(fitted)
     variance = np.diag(inverse) * fitted.scale**2 / share
     half = float(norm.ppf(0.5 + 0.5 * level)) * np.sqrt(variance)
     if runs >= fitted.ground.settings.fewest_runs:
