@@ -40,6 +40,9 @@ class Unknown:
     powers: tuple[float, ...] = ()
 
 
+Guess = tuple[float, float]  # a first guess, and a change that is ordinary
+
+
 @dataclass(frozen=True)
 class StateMap:
     """Coordinates (N,) of an initial state.
@@ -60,21 +63,21 @@ class StateMap:
         return len(self.labels)
 
 
-def of_paths(unknowns: Sequence[Unknown]) -> StateMap:
-    """Return the map of coordinates that are parameters themselves."""
-    paths = [u.paths[0] for u in unknowns]
+def of_paths(
+    guesses: Mapping[str, Guess],
+    priors: Mapping[str, tuple[float, float]] | None = None,
+    fixed: Mapping[str, float] | None = None,
+) -> StateMap:
+    """Return coordinates that are parameters themselves, by path. priors: means and deviations of some of them. fixed:
+    parameters that take a value of their own and are not fitted."""
 
     def overrides(values: Array, _: Mapping[str, Array]) -> dict[str, Array]:
-        return {path: values[:, i].copy() for i, path in enumerate(paths)}
+        known = {path: np.full(len(values), v) for path, v in (fixed or {}).items()}
+        return known | {path: values[:, i].copy() for i, path in enumerate(guesses)}
 
-    none = (0.0, np.inf)
-    return StateMap(
-        tuple(u.name for u in unknowns),
-        np.array([u.start for u in unknowns], dtype=float),
-        np.array([u.typical for u in unknowns], dtype=float),
-        np.array([u.prior or none for u in unknowns], dtype=float).reshape(-1, 2),
-        overrides,
-    )
+    start, typical = np.array(list(guesses.values()), dtype=float).reshape(-1, 2).T
+    prior = np.array([(priors or {}).get(path, (0.0, np.inf)) for path in guesses], dtype=float).reshape(-1, 2)
+    return StateMap(tuple(path.removeprefix("objects.") for path in guesses), start, typical, prior, overrides)
 
 
 def joined(parts: Sequence[StateMap]) -> StateMap:
