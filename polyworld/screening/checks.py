@@ -65,7 +65,7 @@ def screen(world: World, recording: Recording, settings: ScreenSettings = DEFAUL
         *constant_findings(tracks, settings),
     ]
     if not found and not any(t.moves(settings.moved) for t in tracks):
-        found.append(at_rest(tracks))
+        found.append(at_rest())
     course_of = courses(runs, tracks, settings)
     found += course_findings(runs, course_of)
     found.sort(key=lambda f: f.severity != "refuse")

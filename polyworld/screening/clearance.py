@@ -167,6 +167,5 @@ def penetration_findings(world: World, tracks: Sequence[Track], settings: Screen
                 f"{runs_listed(runs)}: check its size, the place of {static.name}, and the axes and the origin of the "
                 "data, and correct whichever is wrong."
             )
-            figures = {"depth": depth, "samples": count, "share": count / total}
-            found.append(Finding.of("penetration", "caution", sentence, runs, **figures))
+            found.append(Finding("penetration", "caution", sentence))
     return found

@@ -27,13 +27,12 @@ class Fall:
     """The acceleration common to stretches of free flight.
 
     acceleration (3,) [m/s^2] in units of the data, 0 where not measured; error: relative standard error; share: of
-    tracks and of windows (the less) that agree with it; runs: that agree; measured: axes.
+    tracks and of windows (the less) that agree with it; measured: axes.
     """
 
     acceleration: Array
     error: float
     share: float
-    runs: tuple[str, ...]
     measured: tuple[int, ...]
 
 
@@ -76,8 +75,7 @@ def common_fall(world: World, tracks: Sequence[Track], settings: ScreenSettings)
     if share < settings.agreeing:
         return None
     relative = float(np.median(errors) / np.sqrt(len(found)) / size)
-    runs = tuple(dict.fromkeys(t.run for (t, *_), same in zip(found, agree, strict=True) if same))
-    return Fall(common, relative, share, runs, measured)
+    return Fall(common, relative, share, measured)
 
 
 def _flies_freely(world: World, name: str) -> bool:
@@ -177,10 +175,9 @@ def fall_findings(world: World, tracks: Sequence[Track], fall: Fall, settings: S
     wrong_way = on_axis and cosine < 1.0 - settings.oblique
     if cosine < 0.5 and not wrong_way:
         return []
-    units = _units(tracks, fall, ratio, settings)
+    units, factor = _units(tracks, fall, ratio, settings)
     if not wrong_way:
         return units
-    factor = next((f.figures["factor"] for f in units if "factor" in f.figures), 1.0)
     off = abs(float(np.log(ratio / factor)))
     # Any other acceleration in a direction of its own is friction, a slope or buoyancy.
     if off > settings.unit_tolerance + 3.0 * fall.error:
@@ -188,18 +185,18 @@ def fall_findings(world: World, tracks: Sequence[Track], fall: Fall, settings: S
     return units + _axes(fall, gravity, along, off <= settings.close_match + 3.0 * fall.error, settings)
 
 
-def _units(tracks: Sequence[Track], fall: Fall, ratio: float, settings: ScreenSettings) -> list[Finding]:
-    """Return what the ratio of the acceleration to gravity says about units, or about times that count frames."""
+def _units(tracks: Sequence[Track], fall: Fall, ratio: float, settings: ScreenSettings) -> tuple[list[Finding], float]:
+    """Return what the ratio of the acceleration to gravity says about units, or about times that count frames, and the
+    factor of the units."""
     if 1.0 / settings.unlike < ratio < settings.unlike:
-        return []
-    figures = {"ratio": ratio, "relative_error": fall.error, "agreeing": fall.share}
+        return [], 1.0
     sure = fall.share >= settings.refusing
     times = f"{ratio:.0f}" if ratio >= 100.0 else f"{ratio:.3g}"
     falls = f"In free flight the acceleration is {times} times gravity"
     if counts_frames(tracks, settings):
         rate = float(ratio**-0.5)
         if not RATE_LIMITS[0] <= rate <= RATE_LIMITS[1]:
-            return []
+            return [], 1.0
         usual = usual_rate(rate, settings.unit_tolerance / 2.0)  # rates go with the root of accelerations
         near = f" ({usual:g} is usual)" if usual is not None and f"{rate:.3g}" != f"{usual:g}" else ""
         sentence = (
@@ -208,7 +205,7 @@ def _units(tracks: Sequence[Track], fall: Fall, ratio: float, settings: ScreenSe
             "between samples."
         )
         severity: Severity = "refuse" if sure else "caution"
-        return [Finding("frame_numbers", severity, sentence, fall.runs, figures | {"rate": rate})]
+        return [Finding("frame_numbers", severity, sentence)], 1.0
     slow = float(np.median([t.interval for t in tracks])) > settings.slow
     choices = [(name, "s", factor) for name, factor in LENGTHS.items() if not (slow and name == "km")]
     if slow:
@@ -221,7 +218,7 @@ def _units(tracks: Sequence[Track], fall: Fall, ratio: float, settings: ScreenSe
             f"{falls}, which is the factor of no common unit of length: if positions are in pixels give their "
             "scale with --pixels-per-metre, and check the gravity of the world."
         )
-        return [] if ratio < 1.0 else [Finding("units", "caution", sentence, fall.runs, figures)]
+        return [] if ratio < 1.0 else [Finding("units", "caution", sentence)], 1.0
     close = off <= settings.close_match + 3.0 * fall.error
     far = not 1.0 / settings.no_effect < factor < settings.no_effect
     sure = unit != "km" and ((sure and (close or far)) or (close and far))
@@ -231,7 +228,7 @@ def _units(tracks: Sequence[Track], fall: Fall, ratio: float, settings: ScreenSe
         f"{falls}, so that {' and '.join(wrong[name] for name in stated)}: state --units {','.join(stated)}, or "
         "--units m,s if they are in metres and seconds."
     )
-    return [Finding("units", "refuse" if sure else "caution", sentence, fall.runs, figures | {"factor": factor})]
+    return [Finding("units", "refuse" if sure else "caution", sentence)], factor
 
 
 def _axes(fall: Fall, gravity: Array, along: int, close: bool, settings: ScreenSettings) -> list[Finding]:
@@ -252,5 +249,4 @@ def _axes(fall: Fall, gravity: Array, along: int, close: bool, settings: ScreenS
         f"{'flipped' if down @ gravity < 0.0 else 'swapped'}: {cure}."
     )
     severity: Severity = "refuse" if close and fall.share >= settings.refusing else "caution"
-    figures = {f"acceleration_{'xyz'[a]}": float(fall.acceleration[a]) for a in fall.measured}
-    return [Finding("axes", severity, sentence, fall.runs, figures | {"agreeing": fall.share})]
+    return [Finding("axes", severity, sentence)]
