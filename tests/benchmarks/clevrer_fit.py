@@ -10,7 +10,8 @@ import numpy as np
 
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.accuracy import accuracy
-from polyworld.estimation.fit import FitOptions, Method, StudyFit, fit
+from polyworld.estimation.fit import FitOptions, fit
+from polyworld.estimation.fitted import Method, StudyFit
 from polyworld.solver.rollout import simulator
 from polyworld.world import World
 from tests.polyworld.synthetic import of_one

@@ -11,7 +11,8 @@ from atw_mcp.fitting.verdict import SETTINGS, BodyFit, FitVerdict, chance_of_wro
 from atw_mcp.probing.ensemble_answers import query_answer, query_in_words
 from atw_mcp.probing.ensembles import Ensemble
 from polyworld.estimation.accuracy import errors
-from polyworld.estimation.fit import FitOptions, FittedRun, fit
+from polyworld.estimation.fit import FitOptions, fit
+from polyworld.estimation.fitted import FittedRun
 from polyworld.estimation.readout import tracks_readout
 from polyworld.estimation.unknown import Unknown
 from polyworld.probing.query import QueryResult

@@ -18,7 +18,8 @@ from typing import Any, Literal
 import numpy as np
 
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.fit import FitOptions, StudyFit, fit
+from polyworld.estimation.fit import FitOptions, fit
+from polyworld.estimation.fitted import StudyFit
 from polyworld.solver.rollout import simulator
 from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
 from polyworld.world.description import Appearance

@@ -10,8 +10,9 @@ from scipy.stats import norm
 
 from polyworld.data.tracks import ObservedTracks
 from polyworld.edits.removal import without
-from polyworld.estimation.fit import FitOptions, FittedConstant, StudyFit, fit
+from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.fit_settings import FitSettings, LinkSettings, PriorSettings
+from polyworld.estimation.fitted import FittedConstant, StudyFit
 from polyworld.estimation.noise import track_sigma
 from polyworld.estimation.readout import sample_times
 from polyworld.estimation.study import Study, StudyRun

@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.fit import FitOptions, FittedConstant, StudyFit, fit
+from polyworld.estimation.fit import FitOptions, fit
+from polyworld.estimation.fitted import FittedConstant, StudyFit
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.representations.joint import Hinge, Slider
 from polyworld.world.shapes import Box
