@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,18 +73,5 @@ def _at_frames(run: Trajectory, tracks: ObservedTracks) -> BatchTrajectory:
     """Return positions at the times of the tracks; between samples on the cubic through positions and velocities."""
     times = np.minimum(tracks.times, run.times[-1])
     positions = np.stack([positions_at(run, k, times) for k in range(len(run.names))], axis=1)
-    count, n = positions.shape[:2]
     nearest: NDArray[np.int64] = np.abs(run.times[:, None] - times).argmin(axis=0)
-    return BatchTrajectory(
-        names=run.names,
-        times=times[None],
-        positions=positions[None],
-        orientations=run.orientations[None, nearest],
-        velocities=np.zeros((1, count, n, 3)),
-        angular_velocities=np.zeros((1, count, n, 3)),
-        active=run.active[nearest],
-        diverged=np.zeros(1, dtype=bool),
-        diverged_time=np.full(1, np.nan),
-        diverged_object=np.full(1, -1, dtype=np.int64),
-        events=((),),
-    )
+    return replace(run.select(nearest), times=times, positions=positions).batch()

@@ -67,21 +67,7 @@ def accuracy(world: World, tracks: ObservedTracks, trajectory: Trajectory) -> Ac
             f"the trajectory has {len(trajectory.times)} samples, the tracks {len(times)} frames: "
             "sample it at the tracks' frames times seconds_per_frame"
         )
-    batch = BatchTrajectory(
-        names=trajectory.names,
-        times=trajectory.times[None],
-        positions=trajectory.positions[None],
-        orientations=trajectory.orientations[None],
-        velocities=trajectory.velocities[None],
-        angular_velocities=trajectory.angular_velocities[None],
-        active=trajectory.active,
-        diverged=np.zeros(1, dtype=bool),
-        diverged_time=np.full(1, np.nan),
-        diverged_object=np.full(1, -1, dtype=np.int64),
-        events=((),),
-        deformables={name: motion.select(None) for name, motion in trajectory.deformables.items()},
-    )
-    return errors(tracks_readout(world, tracks), batch, 0, len(times))
+    return errors(tracks_readout(world, tracks), trajectory.batch(), 0, len(times))
 
 
 def errors(readout: RunReadout, batch: BatchTrajectory, first: int, last: int) -> Accuracy:

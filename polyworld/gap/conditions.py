@@ -100,7 +100,6 @@ def _conditions(world: World, recording: Recording) -> Conditions:
         fastest=float(max(speeds.max(initial=0.0), speed)),
         spin=_spin(world, recording),
         duration=duration,
-        span=_span(recording),
         frame=min((float(np.median(np.diff(r.times))) for r in recording.runs if len(r.times) > 1), default=duration),
         gravity=gravity,
         acceleration=pull if pull > 1e-9 else speed / max(duration, 1e-6),
@@ -145,10 +144,6 @@ def _unturned(world: World, recording: Recording) -> dict[str, tuple[str, ...]]:
             if name in rigid and seen.sum() >= 2 and not turned:
                 found[name] = (*found.get(name, ()), run.name)
     return found
-
-
-def _span(recording: Recording) -> float:
-    return max(float(run.times[-1] - run.times[0]) for run in recording.runs)
 
 
 def _start(world: World, name: str) -> Array:

@@ -126,13 +126,6 @@ def _dropped(world: World, recording: Recording) -> tuple[Variant, ...]:
     return tuple(made)
 
 
-_SCALES = {
-    "gravity_error": "a length known in the scene, or gravity measured elsewhere",
-    "observer_clock": "a speed or a period that does not come from gravity, such as forcing by a motor",
-    "buoyancy": "another body of another density",
-}
-
-
 MOST = 0.5  # [rad]
 ORDINARY = 0.2  # of a camera held by hand [rad]
 

@@ -36,6 +36,10 @@ class Rows:
         """Return nothing: a linear problem has no motion."""
         raise NotImplementedError
 
+    def owners(self, samples: int) -> list[str]:
+        """Return the only body."""
+        return ["ball"] * min(samples, self.size)
+
 
 @dataclass
 class Linear:
