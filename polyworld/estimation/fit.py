@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from polyworld.data.initial_states import with_initial_states
 from polyworld.data.tracks import ObservedTracks
+from polyworld.estimation.accuracy import predicted
 from polyworld.estimation.declared import Rolling, constants, with_resistance
 from polyworld.estimation.fit_settings import FitSettings
 from polyworld.estimation.fitted import (
@@ -30,7 +31,6 @@ from polyworld.estimation.fitted import (
 from polyworld.estimation.least_squares import Point, Problem
 from polyworld.estimation.noise import track_sigma
 from polyworld.estimation.posterior import SamplingSettings
-from polyworld.estimation.predict import predicted
 from polyworld.estimation.problem import Block
 from polyworld.estimation.readout import sample_times, tracks_readout
 from polyworld.estimation.search import CemSettings, Search, SearchSettings, search

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.accuracy import Accuracy, errors
+from polyworld.estimation.accuracy import Accuracy, Prediction, errors
 from polyworld.estimation.declared import Rolling
 from polyworld.estimation.least_squares import Minimum, Problem
 from polyworld.estimation.posterior import Posterior, SamplingSettings, sample
-from polyworld.estimation.predict import Prediction
 from polyworld.estimation.readout import sample_times, tracks_readout
 from polyworld.estimation.unknown import Unknown
 from polyworld.solver.rollout import simulator

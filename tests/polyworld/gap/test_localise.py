@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
 from polyworld.gap.cross_validation import examined
-from polyworld.gap.localise import Localisation, localise, onsets, recursive_residuals
-from polyworld.gap.phases import motions
+from polyworld.gap.localise import Localisation, localise, motions, onsets, recursive_residuals
 from polyworld.world import World
 from tests.polyworld.gap_scenes import Bouncing, G, Launch, ball_recording, ball_world, launches
 
