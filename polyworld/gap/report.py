@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.estimation.accuracy import json_ready
 from polyworld.estimation.readout import CHANNELS
 from polyworld.gap.experiment import Experiment
 from polyworld.gap.fitting import Fitted
@@ -83,7 +83,7 @@ class GapReport:
             "world": self.world.model_dump(mode="json"),
             "history": list(self.history),
         }
-        result: dict[str, Any] = finite(payload)
+        result: dict[str, Any] = json_ready(payload)
         return result
 
 
@@ -138,19 +138,6 @@ def _noise(fitted: Fitted) -> dict[str, Any]:
     ]
     every = np.concatenate([np.atleast_1d(x) for x in levels]) if levels else np.zeros(0)
     return {"position": float(np.median(every)) if len(every) else None, "unit": "m"}
-
-
-def finite(value: Any) -> Any:
-    """Return the same with None for every number that JSON cannot hold."""
-    if isinstance(value, dict):
-        return {k: finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 @dataclass(frozen=True)
