@@ -14,7 +14,7 @@ from polyworld.world.shapes import Sphere, TriangleMesh
 
 Array = NDArray[np.float64]
 
-EARLY = 8  # samples in which something must show
+EARLY = 8  # samples in which something must show, and from which a first velocity is taken
 CLEARLY = 2.0  # ratio of the squares of a fall's and a line's misfit from which one of them is the better
 RESTLESS = 2.0  # times its noise, by third differences, beyond which a level height is not that of a body at rest
 VARIES = 1.2  # times its noise beyond which a height may vary in truth

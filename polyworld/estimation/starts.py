@@ -12,6 +12,7 @@ from polyworld.data.initial_states import InitialState, initial_states
 from polyworld.data.recording import Run
 from polyworld.estimation.declared import SKIDS, Rolling, can_roll
 from polyworld.estimation.fit_settings import Gaussian, PriorSettings
+from polyworld.estimation.linkage import is_held
 from polyworld.estimation.states import LENGTH, TURN, deformable_state, free_axes, linkage_states
 from polyworld.estimation.stretches import Stretch
 from polyworld.estimation.support import Support, rolling_spin, supports
@@ -40,8 +41,7 @@ def initial_state(stretch: Stretch, settings: PriorSettings, rolling: Rolling, *
     seen = initial_states(tracks, seconds_per_frame=world.time.seconds_per_frame, gravity=world.environment.gravity)
     on = supports(world, tracks)
     parts: list[StateMap] = []
-    held = {n for j in world.joints if j.kind != "spring" for n in (j.object, j.other)}
-    if held:
+    if world.joints:
         run = Run.of_tracks("run", tracks)
         rigid = [i for i, n in enumerate(run.names) if world.is_rigid(n)]
         parts += linkage_states(world, run.columns(rigid))
@@ -49,7 +49,7 @@ def initial_state(stretch: Stretch, settings: PriorSettings, rolling: Rolling, *
         state = seen.get(item.name)
         if state is not None and stretch.carried:  # a collision may leave a speed that looks like rest
             state = replace(state, moves=True)
-        if item.name in held or (state is None and not stretch.carried):
+        if is_held(world, item.name) or (state is None and not stretch.carried):
             continue
         symmetry = tracks.symmetry[tracks.index(item.name)] if item.name in tracks.names else 0
         support = on.get(item.name)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from polyworld.data.noise import noise_level
 from polyworld.data.recording import Run
 from polyworld.estimation.initial_support import (
+    EARLY,
     is_aloft,
     is_supported,
     keeps_height,
@@ -32,7 +33,6 @@ from polyworld.world.symmetry import rotation_vector
 
 Array = NDArray[np.float64]
 
-EARLY = 8  # samples from which a first velocity is taken
 LENGTH = 0.05  # ordinary change of a position [m], of a velocity [m/s] tenfold
 SPIN = 6.0  # ordinary spin of a body whose spin was not measured [rad/s]
 TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
