@@ -120,19 +120,22 @@ def generation(
 
 
 Search = Literal["cem", "random_search"]
-REACH = 10.0  # ordinary changes of an initial state within which it is searched
-HORIZON = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0)  # shares of the time that a search sees in turn
-LAST = 0.4  # share of the generations that see all of it
-REOPEN = 0.15  # share of the first deviation to which it is raised where the horizon grows
 
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """generations of `cem.population` candidates each."""
+    """generations of `cem.population` candidates each. reach: ordinary changes of an initial state within which it is
+    searched, beyond the error of a first guess. stages: equal shares of the time that a search sees in turn; last:
+    share of the generations that see all of it. reopen: share of the first deviation to which it is raised where the
+    horizon grows."""
 
     generations: int = 60
     cem: CemSettings = field(default_factory=CemSettings)
     seed: int = 0
+    reach: float = 2.0
+    stages: int = 8
+    last: float = 0.4
+    reopen: float = 0.15
 
 
 def search(
@@ -146,10 +149,8 @@ def search(
     start = problem.start()
     centre = np.concatenate([start.shared, *(y for run in start.states for y in run)])
     typical = np.concatenate([problem.typical, *(b.states.typical for run in problem.runs for b in run)])
-    states = len(centre) - len(start.shared)
-    lower = np.concatenate([problem.lower, centre[len(start.shared) :] - REACH * typical[len(start.shared) :]])
-    upper = np.concatenate([problem.upper, centre[len(start.shared) :] + REACH * typical[len(start.shared) :]])
-    spread = np.concatenate([problem.typical, 3.0 * typical[-states:] if states else np.zeros(0)])
+    lower = np.concatenate([problem.lower, centre[len(start.shared) :] - settings.reach * typical[len(start.shared) :]])
+    upper = np.concatenate([problem.upper, centre[len(start.shared) :] + settings.reach * typical[len(start.shared) :]])
 
     def point(vector: Array) -> Point:
         own, at = [], len(start.shared)
@@ -161,14 +162,15 @@ def search(
             own.append(tuple(parts))
         return Point(vector[: len(start.shared)], tuple(own))
 
-    state = CemState.start(np.clip(centre, lower, upper), spread, settings.seed)
+    state = CemState.start(np.clip(centre, lower, upper), typical, settings.seed)
     rng = np.random.default_rng([settings.seed, 1])
     best, least, before = centre, np.inf, 0.0
     for number in range(settings.generations):
         if cancelled is not None and cancelled():
             break
-        early = number / max((1.0 - LAST) * settings.generations, 1.0)
-        share = 1.0 if method == "random_search" or early >= 1.0 else HORIZON[int(early * (len(HORIZON) - 1))]
+        early = number / max((1.0 - settings.last) * settings.generations, 1.0)
+        whole = method == "random_search" or early >= 1.0
+        share = 1.0 if whole else (1 + int(early * (settings.stages - 1))) / settings.stages
 
         def costs(candidates: Array, share: float = share) -> Array:
             return problem.costs([point(c) for c in candidates], share)
@@ -180,8 +182,8 @@ def search(
                 best, least = candidates[int(np.argmin(found))], float(found.min())
         else:
             if share != before:
-                state.sd = np.maximum(state.sd, REOPEN * spread)
-            state = generation(state, costs, lower, upper, settings.cem.floor * spread, settings.cem)
+                state.sd = np.maximum(state.sd, settings.reopen * typical)
+            state = generation(state, costs, lower, upper, settings.cem.floor * typical, settings.cem)
             best, least = state.elite[0], float(state.elite_losses[0])
         before = share
         if watch is not None:
