@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from polyworld.data.recording_csv import read_recording
 from polyworld.data.recording_header import RecordingForm
-from polyworld.estimation.run_noise import run_noise
-from polyworld.estimation.run_readout import RunReadout
+from polyworld.estimation.noise import run_noise
+from polyworld.estimation.readout import RunReadout
 from polyworld.estimation.states import state_coordinates
 from tests.real_data import CUBE_UNIT, FOLDER, ball_drop, clevrer, cube_toss, needs, pendulum
 

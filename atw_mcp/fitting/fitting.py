@@ -16,7 +16,8 @@ from atw_mcp.fitting.verdict import FitVerdict, judge
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.accuracy import Accuracy, json_ready
 from polyworld.estimation.declared import flat
-from polyworld.estimation.fit import FitOptions, FittedConstant, FittedRun, Method, StudyFit, fit
+from polyworld.estimation.fit import FitOptions, fit
+from polyworld.estimation.fitted import FittedConstant, FittedRun, Method, StudyFit
 from polyworld.estimation.study import Study, StudyRun
 from polyworld.estimation.unknown import Unknown
 from polyworld.world import World

@@ -10,7 +10,7 @@ import numpy as np
 
 from atw_mcp.calls.app import App
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.fit import FittedRun
+from polyworld.estimation.fitted import FittedRun
 from polyworld.world.geometry import equivalent_radius
 
 Verdict = Literal["good", "poor", "failed"]

@@ -77,7 +77,7 @@ def _run(options: argparse.Namespace) -> int:
     from atw_mcp.observation.recording_options import read_with_remarks, recording_form
     from polyworld.gap import GapSettings, find_gap
     from polyworld.gap.catalogue import named
-    from polyworld.gap.sealing import Split, hold_out
+    from polyworld.gap.sealed import Split, hold_out
     from polyworld.screening import screen
 
     wanted = named(options.effects.split(",")) if options.effects else None

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
-from polyworld.gap.comparison import Compared
 from polyworld.gap.kinks import kinks
-from polyworld.gap.sealing import Split
+from polyworld.gap.report import Compared
+from polyworld.gap.sealed import Split
 from polyworld.world import World
 
 Array = NDArray[np.float64]

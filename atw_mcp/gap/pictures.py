@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image  # matplotlib writes its pictures with it
 
-from polyworld.gap.comparison import Compared
+from polyworld.gap.report import Compared
 
 Array = NDArray[np.float64]
 

@@ -14,24 +14,21 @@ from atw_mcp.gap.unknowns import unknown_of
 from atw_mcp.gap.words import discrepancy_text, verdict_text, worth_text
 from polyworld.core import interruption
 from polyworld.data.recording import Recording
+from polyworld.estimation.accuracy import json_ready
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapReport, GapSettings, find_gap
-from polyworld.gap.adding import with_parts
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.gap.candidate import Candidate, Variant, with_parts
 from polyworld.gap.catalogue import catalogue
 from polyworld.gap.cautions import cautions
 from polyworld.gap.choose import score
-from polyworld.gap.comparison import Compared, compared
-from polyworld.gap.examine import examined, predicted
+from polyworld.gap.cross_validation import examined, fold_counts, folds_of, predicted
 from polyworld.gap.fitting import Fitted, fit
 from polyworld.gap.ground import ground_of
-from polyworld.gap.held_out import fold_counts, folds_of
 from polyworld.gap.hypothesis import Hypothesis, Part
 from polyworld.gap.localise import localise
 from polyworld.gap.power import power_check
-from polyworld.gap.report import effects_of, finite, plain_laws
-from polyworld.gap.sealed import gap_between, left_in_units, settled_alike
-from polyworld.gap.sealing import Split
+from polyworld.gap.report import Compared, compared, effects_of, plain_laws
+from polyworld.gap.sealed import Split, gap_between, left_in_units, settled_alike
 from polyworld.screening import screen
 from polyworld.world import Effect, World
 from polyworld.world.parameters import parameter_paths, with_parameters
@@ -82,7 +79,7 @@ def examine(world: World, parts: Split, base: tuple[Unknown, ...], power: bool, 
             steps.report(0.7, "which effects could have been seen")
             data["power"] = [row.to_json() for row in power_check(found, tuple(catalogue().values()))]
         pictures = _pictures(seen)
-    data = finite(data)
+    data = json_ready(data)
     return Outcome(discrepancy_text(data), data, pictures, numbers=numbers)
 
 
@@ -122,7 +119,7 @@ def result_of(report: GapReport, world: World) -> dict[str, Any]:
     same = {f.hypothesis.names for f in verdict.equivalent}
     others = [f for f in report.pool if f.hypothesis.parts and f.hypothesis.names not in same]
     second = next((f for f in others if not best.hypothesis.names <= f.hypothesis.names), None)
-    data: dict[str, Any] = finite(
+    data: dict[str, Any] = json_ready(
         report.to_dict()
         | {
             "title": best.hypothesis.title,
@@ -190,7 +187,7 @@ def fitted_effect(
     )
     variant = Variant(child, unknowns, ({},))
     law = "an expression" if effect.kind == "expression" else effect.kind
-    own = Part(Candidate(effect.name, "force", law, "", "", lambda *_: (variant,)), variant)
+    own = Part(Candidate(effect.name, "force", law, lambda *_: (variant,)), variant)
     steps = GapProgress(progress)
     with _interruptible():
         steps.report(0.0, "fitting the world without the effect")
@@ -201,7 +198,7 @@ def fitted_effect(
         fitted = predicted(fit(ground, Hypothesis(ground.world, base, (own,)), growing=True))
         steps.fitted(fitted)
         score([null, fitted], fold_counts(ground, folds_of(ground, ground.settings)))
-    made: dict[str, Any] = finite(_described(fitted, fitted) | _addition(fitted, null, world))
+    made: dict[str, Any] = json_ready(_described(fitted, fitted) | _addition(fitted, null, world))
     return made
 
 
@@ -225,7 +222,7 @@ def worth(proposal: dict[str, Any], parts: Split, progress: Progress) -> Outcome
             fits = settled_alike(there, parts.held_out, settings)
             gap, sides = gap_between(*fits), [compared(one) for one in fits]
             residuals += residuals_of(sides[0], sides[1], parts)
-    data = finite(
+    data = json_ready(
         {
             **{key: proposal[key] for key in ("effects", "explains", "evidence")},
             "fitted_data": fitted.to_json(),

@@ -19,7 +19,7 @@ from evidence_store import Case
 from polyworld.data.recording import Recording, Run
 from polyworld.data.recording_csv import read_recording
 from polyworld.data.recording_header import RecordingForm
-from polyworld.gap.sealing import Split, hold_out
+from polyworld.gap.sealed import Split, hold_out
 from polyworld.world import World
 
 KIND = "recording"

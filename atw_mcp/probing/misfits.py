@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.readout import observed_entries
+from polyworld.estimation.readout import CHANNELS, tracks_readout
 from polyworld.probing.compare import positions_at
 from polyworld.trajectory import BatchTrajectory, Trajectory
 from polyworld.world import World
@@ -48,22 +48,23 @@ def misfits(world: World, run: Trajectory, tracks: ObservedTracks) -> list[Misfi
     tracks = tracks.window(0, int(end / tracks.seconds_per_frame + LATE))
     if not len(tracks.frames):
         return []
-    position = next(e for e in observed_entries(world, tracks) if e.kind == "position")
-    batch = _at_frames(run, tracks)
-    size = np.linalg.norm(position.differences(batch, len(tracks.frames))[0], axis=-1)
-    sigmas = np.linalg.norm(position.standardised(batch, len(tracks.frames))[0], axis=-1)
+    readout, batch, count = tracks_readout(world, tracks), _at_frames(run, tracks), len(tracks.frames)
+    shape = (count, len(readout.run.names), CHANNELS)
+    seen: NDArray[np.bool_] = readout.measured.reshape(shape)[:, :, :3]
+    with np.errstate(divide="ignore"):
+        both = (readout.differences(batch, count)[0], readout.standardised(batch, count)[0].reshape(shape))
+    distances, sigmas = (np.linalg.norm(np.where(seen, d[..., :3], 0.0), axis=-1) for d in both)
     found = []
-    for owner in np.unique(position.owner):
-        own = position.owner == owner
-        name = position.names[owner]
-        measured = np.full((len(tracks.frames), 3), np.nan)
-        distance, deviation = (np.full(len(tracks.frames), np.nan) for _ in range(2))
-        rows = position.sample[own]
-        measured[rows] = tracks.positions[rows, tracks.index(name)]
-        distance[rows] = size[own]
-        known = np.isfinite(position.sigma[own]) & (position.sigma[own] > 0.0)
-        deviation[rows[known]] = sigmas[own][known]
-        rms = float(np.sqrt(np.mean(size[own] ** 2)))
+    for column, name in enumerate(readout.run.names):
+        rows: NDArray[np.bool_] = np.any(seen[:, column], axis=1)
+        if not rows.any():
+            continue
+        stated = tracks.position_sigma[:, tracks.index(name)]
+        known = rows & np.isfinite(stated) & (stated > 0.0)
+        measured = np.where(rows[:, None], tracks.positions[:, tracks.index(name)], np.nan)
+        distance = np.where(rows, distances[:, column], np.nan)
+        deviation = np.where(known, sigmas[:, column], np.nan)
+        rms = float(np.sqrt(np.nanmean(distance**2)))
         found.append(Misfit(name, tracks.times, measured, distance, deviation, rms))
     return found
 
@@ -72,18 +73,5 @@ def _at_frames(run: Trajectory, tracks: ObservedTracks) -> BatchTrajectory:
     """Return positions at the times of the tracks; between samples on the cubic through positions and velocities."""
     times = np.minimum(tracks.times, run.times[-1])
     positions = np.stack([positions_at(run, k, times) for k in range(len(run.names))], axis=1)
-    count, n = positions.shape[:2]
     nearest: NDArray[np.int64] = np.abs(run.times[:, None] - times).argmin(axis=0)
-    return BatchTrajectory(
-        names=run.names,
-        times=times[None],
-        positions=positions[None],
-        orientations=run.orientations[None, nearest],
-        velocities=np.zeros((1, count, n, 3)),
-        angular_velocities=np.zeros((1, count, n, 3)),
-        active=run.active[nearest],
-        diverged=np.zeros(1, dtype=bool),
-        diverged_time=np.full(1, np.nan),
-        diverged_object=np.full(1, -1, dtype=np.int64),
-        events=((),),
-    )
+    return replace(run.select(nearest), times=times, positions=positions).batch()

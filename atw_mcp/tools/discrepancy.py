@@ -27,7 +27,7 @@ from atw_mcp.tools.world_arguments import CaseId, EffectArgument, Patience
 from evidence_store import Case, Content, UnknownRecord
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapSettings
-from polyworld.gap.adding import with_parts
+from polyworld.gap.candidate import with_parts
 from polyworld.gap.catalogue import catalogue, named
 from polyworld.world import World
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.noise import noise_levels
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import World, geometry
 from polyworld.world.symmetry import rotation_between, turn_about
@@ -54,19 +55,6 @@ class InitialState:
     free_until: int
     noise: float
     samples: int
-
-
-def track_noise(values: Array) -> Array:
-    """Standard deviations (d,) of white noise on a smooth series (T, d), from its third differences.
-
-    The third difference of white noise has variance 20 sigma^2 and that of smooth motion is near zero; the
-    median absolute value is not disturbed by the few samples around a collision. NaN for fewer than 7 samples.
-    """
-    if len(values) < 7:
-        return np.full(values.shape[1], np.nan)
-    third = np.diff(values, n=3, axis=0)
-    noise: Array = np.median(np.abs(third), axis=0) / 0.6745 / np.sqrt(20.0)
-    return noise
 
 
 def initial_states(
@@ -127,7 +115,7 @@ def _initial_state(tracks: ObservedTracks, column: int, step: float, gravity: Ar
     times = (tracks.frames[rows] - tracks.frames[rows[0]]) * step
     points = tracks.positions[rows, column]
     stated = float(np.median(tracks.position_sigma[rows, column]))
-    scatter, varied = _scatter(points, stated)
+    scatter, varied = _scatter(times, points, stated)
     # Where a track is smoother than it claims to be exact, the rest of its error drifts slowly: half-way between
     # the two (geometrically) is what a stretch is judged and a velocity known by, and of the position the part
     # that does not scatter is not averaged away.
@@ -195,9 +183,9 @@ def free_stretch(times: Array, points: Array, weight: Array, noise: float, varie
     return count if count == len(times) else max(min(SHORTEST, len(times)), int(KEPT * count))
 
 
-def _scatter(values: Array, stated: float) -> tuple[float, int]:
+def _scatter(times: Array, values: Array, stated: float) -> tuple[float, int]:
     # Components that were never measured, such as a height taken from the floor, are constant and carry no noise.
-    own = track_noise(values)
+    own = noise_levels(times, values)
     varied = max(1, int(np.count_nonzero(own > 0.1 * np.max(own)))) if np.all(np.isfinite(own)) else values.shape[1]
     if np.all(np.isfinite(own)):
         return max(NOISE_FLOOR, min(stated, float(own.max())) if stated > 0.0 else float(own.max())), varied
@@ -266,7 +254,7 @@ def _initial_rotation(
     increments = rotation_between(q[1:], q[:-1], tracks.symmetry[column])
     angles = np.concatenate([np.zeros((1, 3)), np.cumsum(increments, axis=0)])
     times = (tracks.frames[rows] - tracks.frames[first]) * step
-    noise, varied = _scatter(angles, float(np.std(np.diff(angles, axis=0))))
+    noise, varied = _scatter(times, angles, float(np.std(np.diff(angles, axis=0))))
     weight = np.sqrt(tracks.orientation_confidence[rows, column])
     count = free_stretch(times, angles, weight, noise, varied)
     path, covariance = _polynomial(times[:count], angles[:count], weight[:count], noise)

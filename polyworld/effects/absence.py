@@ -53,14 +53,13 @@ class Absence:
     """How the absence of a law shows, and how a fit adds it.
 
     ways: conditions of a recording -> the ways to add the law; none where it would not show. signature: what residuals
-    look like where it is missing. confused_with: effect -> what separates the two. effect: standard name of the effect,
-    where that is not the law's; laws of one name are forms of one effect, whose signature stands with one of them.
-    plain: whether it is a law expected of ordinary scenes; it stands with the signature.
+    look like where it is missing. effect: standard name of the effect, where that is not the law's; laws of one name
+    are forms of one effect, whose signature stands with one of them. plain: whether it is a law expected of ordinary
+    scenes; it stands with the signature.
     """
 
     ways: Callable[[Conditions], Sequence[Way]]
     signature: str = ""
-    confused_with: Mapping[str, str] = field(default_factory=dict)
     effect: str = ""
     plain: bool = False
 

@@ -32,9 +32,4 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="the same share of the speed along the floor is lost at every impact",
-    confused_with={
-        "friction_error": "impacts at several angles, and the spin after them",
-        "spin_coupling": "throws with different spin",
-        "linear_drag": "the residual between impacts",
-    },
 )

@@ -46,9 +46,4 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="all that falls falls too slowly, alike at all speeds",
-    confused_with={
-        "gravity_error": "a body of another density in the same place",
-        "observer_scale": "a known length",
-        "observer_clock": "a known time",
-    },
 )

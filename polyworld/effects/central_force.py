@@ -59,8 +59,4 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="residual towards, or away from, one point, stronger the nearer it is",
-    confused_with={
-        "spring": "passes at several distances: a spring pulls more from afar",
-        "fan": "passes on opposite sides: a fan pushes to one side",
-    },
 )

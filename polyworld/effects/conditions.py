@@ -23,9 +23,9 @@ class Conditions:
     lower, upper (3,): box that holds all places seen [m]. spread: standard deviation of places about their mean, root
     mean square over the axes of motion [m]. axes: indices of the world axes along which bodies may move and were
     measured. speed, fastest: root mean square and largest [m/s]. spin: typical [rad/s]; 0 where neither orientations
-    nor spins were measured and the world gives none. duration: of the longest run [s]. span: likewise, of runs before
-    they were cut into parts. frame: shortest time between samples of any run [s]. gravity (3,) [m/s^2]. acceleration:
-    ordinary one [m/s^2]: gravity, or what friction on a supporting plane gives.
+    nor spins were measured and the world gives none. duration: of the longest run [s]. frame: shortest time between
+    samples of any run [s]. gravity (3,) [m/s^2]. acceleration: ordinary one [m/s^2]: gravity, or what friction on a
+    supporting plane gives.
     masses, ball_radii: of each rigid body, the latter of the ball of equal volume [m]. mass, radius: medians, the
     latter of circumscribed balls. drop: height of a resting ball's centre above what it touches [m]; 0 without balls.
     deformables: whether there are any. planar: whether bodies move in a plane. supported: they lie on a motion plane
@@ -45,7 +45,6 @@ class Conditions:
     fastest: float
     spin: float
     duration: float
-    span: float
     frame: float
     gravity: Array
     acceleration: float

@@ -38,5 +38,4 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="residual across the velocity, to the same side whatever the heading",
-    confused_with={"magnus_lift": "the same throw with the spin reversed"},
 )

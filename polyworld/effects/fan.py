@@ -59,9 +59,4 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="a push in one direction on what passes one place",
-    confused_with={
-        "friction_patch": "crossings at several speeds and headings: friction is against the motion",
-        "central_force": "passes on opposite sides",
-        "hidden_body": "a crossing a little aside: a jet fades, a body is missed",
-    },
 )

@@ -78,8 +78,4 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="deceleration that is different in one place, whatever the speed",
-    confused_with={
-        "fan": "crossings at several speeds and headings: a jet pushes one way",
-        "friction_error": "motion elsewhere",
-    },
 )

@@ -35,10 +35,5 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="residual against the velocity, in proportion to it",
-    confused_with={
-        "quadratic_drag": "speeds that differ threefold",
-        "viscous_friction": "free flight",
-        "restitution_error": "the residual between impacts",
-    },
     plain=True,
 )

@@ -36,6 +36,5 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="residual across both spin and velocity",
-    confused_with={"coriolis": "the same throw with the spin reversed; of unseen spins, more throws"},
     plain=True,
 )

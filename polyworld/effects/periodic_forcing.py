@@ -37,13 +37,13 @@ PHASES = (0.0, np.pi / 2)
 
 
 def ways(found: Conditions) -> list[Way]:
-    if not found.axes or found.span <= 0.0:
+    if not found.axes or found.duration <= 0.0:
         return []
     frequencies = _frequencies(found)
     size = FreeParameter(2.0 * SHARE * found.acceleration, plausible=found.weight / found.mass)
     highest = max(2.0 * max(frequencies), 0.25 / found.frame)
     free = along(found.axes, "amplitude_", size) | {
-        "frequency": FreeParameter(0.25 / found.span, SLOWEST / found.span, highest, idle=True),
+        "frequency": FreeParameter(0.25 / found.duration, SLOWEST / found.duration, highest, idle=True),
         "phase": FreeParameter(0.5, idle=True),
     }
     starts = [{"frequency": f, "phase": p} for f in frequencies for p in PHASES]
@@ -52,19 +52,15 @@ def ways(found: Conditions) -> list[Way]:
 
 def _frequencies(found: Conditions) -> list[float]:
     """Evenly spaced, half a cycle per whole run apart as long as they are not too many, below half the frame rate."""
-    low = SLOWEST / found.span
+    low = SLOWEST / found.duration
     high = min(FASTEST, 0.25 / found.frame)
     if high <= low:
         return [low]
-    count = int(np.clip(np.ceil((high - low) * found.span * 2.0), 2, MOST_FREQUENCIES))
+    count = int(np.clip(np.ceil((high - low) * found.duration * 2.0), 2, MOST_FREQUENCIES))
     return [float(f) for f in np.linspace(low, high, count)]
 
 
 ABSENCE = Absence(
     ways,
     signature="residual acceleration that swings with time, alike wherever the body is",
-    confused_with={
-        "tilt": "a later start, or a longer run: forcing changes its sign",
-        "spring": "the same motion started at another time",
-    },
 )

@@ -33,10 +33,5 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="residual against the velocity, in proportion to its square",
-    confused_with={
-        "linear_drag": "speeds that differ threefold",
-        "wind": "opposite headings, or a release at rest",
-        "gravity_error": "a drop alone: watch it rise, or throw it sideways",
-    },
     plain=True,
 )

@@ -34,8 +34,4 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="rebounds from high drops too weak, from low ones right",
-    confused_with={
-        "restitution_error": "drops from different heights",
-        "quadratic_drag": "the residual between impacts",
-    },
 )

@@ -44,8 +44,4 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="kicks along the floor that follow the spin, beyond what Coulomb's law allows or short of it",
-    confused_with={
-        "friction_error": "steep impacts with much spin: Coulomb's kick is limited by the blow",
-        "bounce_friction": "throws with different spin",
-    },
 )

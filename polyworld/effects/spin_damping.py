@@ -32,5 +32,4 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="a spin that decays in free motion; bounces that kick less the later they come",
-    confused_with={"friction_error": "the spin before the first contact"},
 )

@@ -51,9 +51,4 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="residual towards one point, in proportion to the distance from it",
-    confused_with={
-        "tilt": "an anchor far away: motion over a larger region",
-        "tether": "motion near the anchor, where a tether is slack",
-        "observer_distortion": "a grid at rest: lenses distort it, springs do not",
-    },
 )

@@ -57,8 +57,4 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="residual that sets in at a distance from a point, towards it",
-    confused_with={
-        "spring": "motion near the anchor",
-        "hidden_wall": "the place where it turns back: a wall is straight and acts at once",
-    },
 )

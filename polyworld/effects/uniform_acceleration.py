@@ -38,10 +38,5 @@ ABSENCE = Absence(
     ways,
     effect="tilt",
     signature="residual in one direction that grows as the square of the time, alike in all runs",
-    confused_with={
-        "periodic_forcing": "a slow swing: start later, or watch for longer",
-        "wind": "a release at rest and a throw against it: wind brakes by speed",
-        "observer_tilt": "a body at rest on the floor: a tilted camera shows it displaced, not accelerated",
-    },
     plain=True,
 )

@@ -35,6 +35,5 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="deceleration in contact that grows with the speed; none in flight",
-    confused_with={"linear_drag": "free flight", "friction_error": "sliding at several speeds"},
     plain=True,
 )

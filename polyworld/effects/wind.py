@@ -64,8 +64,4 @@ def _along(found: Conditions, axes: Sequence[int], begin: Sequence[int], label: 
 ABSENCE = Absence(
     ways,
     signature="a push in one direction, stronger on what moves against it",
-    confused_with={
-        "quadratic_drag": "opposite headings, or a release at rest",
-        "tilt": "the push on a body at rest against that on one that flies against it",
-    },
 )

@@ -1,6 +1,6 @@
 """Estimate a world's unknowns and initial states from recorded motion, by least squares on simulated trajectories.
 
 Reading order: fit, study, unknown, declared, stretches, starts, problem (readout, machines), least_squares, posterior,
-predict, whole_run; search and cem for comparison. `gap` uses the same problem and least_squares with run_noise,
-run_readout (rotation_counting) and states (initial_state, initial_support, linkage).
+accuracy, whole_run; search for comparison. `gap` uses the same unknown, noise, readout, problem and least_squares, with
+states (initial_support, linkage).
 """

@@ -1,8 +1,11 @@
-"""Plain readouts of how well a trajectory follows tracks and shapes: root mean square errors in their own units."""
+"""Measure how well a trajectory follows tracks and shapes, and how well a fit predicts.
+
+Root mean square errors in their own units; frames that a fit left out, and how far its members spread beyond the clip.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,9 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.tracks import ObservedTracks, without_spread
-from polyworld.estimation.readout import Entries, observed_entries, sample_times
+from polyworld.estimation.problem import Block
+from polyworld.estimation.readout import CHANNELS, RunReadout, sample_times, tracks_readout
+from polyworld.estimation.study import StudyRun
+from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory, Trajectory
-from polyworld.world import World
+from polyworld.world import World, geometry
 
 Array = NDArray[np.float64]
 
@@ -67,54 +73,44 @@ def accuracy(world: World, tracks: ObservedTracks, trajectory: Trajectory) -> Ac
             f"the trajectory has {len(trajectory.times)} samples, the tracks {len(times)} frames: "
             "sample it at the tracks' frames times seconds_per_frame"
         )
-    batch = BatchTrajectory(
-        names=trajectory.names,
-        times=trajectory.times[None],
-        positions=trajectory.positions[None],
-        orientations=trajectory.orientations[None],
-        velocities=trajectory.velocities[None],
-        angular_velocities=trajectory.angular_velocities[None],
-        active=trajectory.active,
-        diverged=np.zeros(1, dtype=bool),
-        diverged_time=np.full(1, np.nan),
-        diverged_object=np.full(1, -1, dtype=np.int64),
-        events=((),),
-        deformables={name: motion.select(None) for name, motion in trajectory.deformables.items()},
-    )
-    return errors(observed_entries(world, tracks), batch, 0, len(times))
+    return errors(tracks_readout(world, tracks), trajectory.batch(), 0, len(times))
 
 
-def errors(entries: Sequence[Entries], batch: BatchTrajectory, first: int, last: int) -> Accuracy:
+def errors(readout: RunReadout, batch: BatchTrajectory, first: int, last: int) -> Accuracy:
     """Measure the errors of the first world of a batch over the samples `first` to before `last`."""
-    sizes: dict[str, dict[str, list[Array]]] = {"position": {}, "rotation": {}}
-    unexplained: dict[str, list[Array]] = {}
-    standardised = []
-    for e in entries:
-        keep = (e.sample >= first) & (e.sample < last)
-        apart = e.differences(batch, last)[0][keep[: e.before(last)]]
-        size = np.linalg.norm(apart, axis=-1)
-        beyond = size if e.spread is None else np.linalg.norm(without_spread(apart, e.spread[keep]), axis=-1)
-        for owner in np.unique(e.owner[keep]):
-            own = e.owner[keep] == owner
-            sizes.setdefault(e.kind, {}).setdefault(e.names[owner], []).append(size[own])
-            if e.kind == "position":
-                unexplained.setdefault(e.names[owner], []).append(beyond[own])
-        if e.kind not in ("position", "rotation"):
-            standardised.append(e.standardised(batch, last)[0][keep[: e.before(last)]].ravel())
-    positions, rotations = sizes.pop("position"), sizes.pop("rotation")
-    distances = np.concatenate([np.zeros(0), *(part for parts in positions.values() for part in parts)])
+    shape = (*readout.measured.shape[:1], -1, CHANNELS)
+    measured = readout.measured.reshape(shape)[first:last]
+    apart = np.where(measured, readout.differences(batch, last)[0, first:], 0.0)
+    sizes: list[dict[str, Array]] = [{}, {}, {}]
+    for column, name in enumerate(readout.run.names):
+        for kind, channels in enumerate((slice(0, 3), slice(3, 6))):
+            rows = np.flatnonzero(measured[:, column, channels].any(axis=1))
+            own = apart[rows, column, channels]
+            if len(rows):
+                sizes[kind][name] = np.linalg.norm(own, axis=1)
+            if len(rows) and kind == 0:
+                spread = np.zeros_like(own) if readout.spread is None else readout.spread[first:last][rows, column]
+                sizes[2][name] = np.linalg.norm(without_spread(own, spread), axis=1)
     shapes: dict[str, dict[str, float]] = {}
-    for kind, by_object in sizes.items():
-        for name, parts in by_object.items():
-            shapes.setdefault(name, {})[kind] = _rms(parts)
+    standardised = []
+    for e in readout.shapes:
+        keep = (e.sample >= first) & (e.sample < last)
+        own = e.standardised(batch, last)[0]
+        own = own[keep[: len(own)]]
+        standardised.append(own.ravel())
+        size = np.linalg.norm(own * e.sigma[keep][: len(own), None], axis=1)
+        if keep.any():
+            shapes.setdefault(e.object, {})[e.kind] = _rms([size])
+    distances = np.concatenate([np.zeros(0), *sizes[0].values()])
+    by_object = [{name: _rms([size]) for name, size in kind.items()} for kind in sizes]
     return Accuracy(
         position=_rms([distances]),
-        rotation=_rms([part for parts in rotations.values() for part in parts]),
+        rotation=_rms(list(sizes[1].values())),
         worst_position=float(distances.max()) if len(distances) else float("nan"),
         samples=len(distances),
-        position_by_object={name: _rms(parts) for name, parts in positions.items()},
-        unexplained_by_object={name: _rms(parts) for name, parts in unexplained.items()},
-        rotation_by_object={name: _rms(parts) for name, parts in rotations.items()},
+        position_by_object=by_object[0],
+        unexplained_by_object=by_object[2],
+        rotation_by_object=by_object[1],
         shape_by_readout=shapes,
         shape_score=_rms(standardised),
     )
@@ -131,4 +127,124 @@ def json_ready(value: Any) -> Any:
         return {key: json_ready(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [json_ready(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
     return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+BEYOND = (0.5, 1.0)  # [s] after the last frame
+CENTRAL = (0.1, 0.9)  # quantiles of an interval
+DECIDES = 0.3  # part of the spread that one constant explains, from which on it is said to decide
+
+
+@dataclass(frozen=True)
+class BodyPrediction:
+    """One body. error: root mean square distance [m] to the frames that were left out, of the median prediction; last:
+    at the last of them; stays: the same error of a body that stays where it was last seen; noise [m]: of a distance.
+    spread: half the width of 80% intervals [m] at the cut and 0.5 and 1 s after the last frame, the wider axis.
+    decided_by: constants that explain most of the last spread, and which part of it."""
+
+    object: str
+    error: float
+    last: float
+    stays: float
+    noise: float
+    spread: tuple[float, ...]
+    decided_by: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """How a run is predicted from its frames before `frame`. inside: part of the held-out coordinates within their 80%
+    intervals, widened by the noise."""
+
+    frame: int
+    bodies: tuple[BodyPrediction, ...]
+    inside: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return JSON-ready values."""
+        rows = [
+            {**vars(b), "spread": list(b.spread), "decided_by": [{"constant": n, "part": p} for n, p in b.decided_by]}
+            for b in self.bodies
+        ]
+        return {"frame": self.frame, "bodies": rows, "inside": self.inside if np.isfinite(self.inside) else None}
+
+
+def predicted(
+    block: Block,
+    overrides: dict[str, Array],
+    run: StudyRun,
+    sigma: Array,
+    cut: int,
+    begin: float,
+    shared: Mapping[str, Array],
+) -> Prediction | None:
+    """Roll the members of a posterior out over the frames left out and beyond; None where most of them diverge, or no
+    rigid body was observed.
+
+    block: the run's last stretch, which begins at `begin` [s]; overrides: path -> values (N,); shared: constants (N,).
+    """
+    step = run.world.time.seconds_per_frame
+    tracks = run.tracks.window(cut, int(run.tracks.frames[-1]))
+    ends = float(tracks.frames[-1]) * step
+    times = np.concatenate([tracks.frames * step, [ends + b for b in BEYOND]]) - begin
+    count = len(next(iter(overrides.values())))
+    batch = simulator(block.world, times, n_worlds=count).run(overrides)
+    kept = ~batch.stopped
+    if kept.sum() < 0.5 * count:
+        return None
+    normal = geometry.plane_axes(run.world.environment.motion_plane)[2] if run.world.planar else np.zeros(3)
+    bodies, inside = [], []
+    for item in run.world.objects:
+        if item.name not in tracks.names:
+            continue
+        column, theirs = batch.names.index(item.name), tracks.names.index(item.name)
+        places = batch.positions[kept, :, column]
+        places = places - (places @ normal)[..., None] * normal
+        seen = tracks.confidence[:, theirs] > 0.0
+        middle = np.median(places, axis=0)
+        low, high = np.quantile(places, CENTRAL, axis=0)
+        spread = tuple(float((high[k] - low[k]).max() / 2.0) for k in (0, -2, -1))
+        decided = _decided(places[:, -1], {name: values[kept] for name, values in shared.items()})
+        noise = float(sigma[theirs] * np.sqrt(2.0 if run.world.planar else 3.0))
+        if not seen.any():
+            bodies.append(BodyPrediction(item.name, np.nan, np.nan, np.nan, noise, spread, decided))
+            continue
+        measured = tracks.positions[:, theirs]
+        measured = measured - (measured @ normal)[:, None] * normal
+        rows = np.flatnonzero(seen)
+        apart = np.linalg.norm(middle[rows] - measured[rows], axis=1)
+        earlier = run.tracks.window(int(run.tracks.frames[0]), cut - 1)
+        there = np.flatnonzero(earlier.confidence[:, theirs] > 0.0)
+        last = earlier.positions[there[-1], theirs] if len(there) else np.full(3, np.nan)
+        last = last - (last @ normal) * normal
+        stays = float(np.sqrt(np.mean(np.sum((measured[rows] - last) ** 2, axis=1))))
+        margin = 1.28 * sigma[theirs]
+        axes = np.abs(normal) < 1.0 - 1e-9
+        held = (measured[rows] >= low[rows] - margin) & (measured[rows] <= high[rows] + margin)
+        inside.append(held[:, axes].ravel())
+        bodies.append(
+            BodyPrediction(
+                item.name, float(np.sqrt(np.mean(apart**2))), float(apart[-1]), stays, noise, spread, decided
+            )
+        )
+    if not bodies:
+        return None
+    return Prediction(cut, tuple(bodies), float(np.concatenate(inside).mean()) if inside else np.nan)
+
+
+def _decided(places: Array, shared: Mapping[str, Array]) -> tuple[tuple[str, float], ...]:
+    """Return constants whose scatter explains much of that of places (N, 3) along its main direction."""
+    centred = places - places.mean(axis=0)
+    if len(centred) < 8 or not np.any(centred):
+        return ()
+    main = centred @ np.linalg.svd(centred, full_matrices=False)[2][0]
+    found = []
+    for name, values in shared.items():
+        known = np.isfinite(values)
+        if known.sum() >= 8 and values[known].std() > 0.0 and main[known].std() > 0.0:
+            part = float(np.corrcoef(values[known], main[known])[0, 1] ** 2)
+            if part >= DECIDES:
+                found.append((name, part))
+    return tuple(sorted(found, key=lambda d: -d[1])[:3])

@@ -5,46 +5,50 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.initial_states import with_initial_states
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.accuracy import Accuracy, errors
-from polyworld.estimation.cem import CemSettings
+from polyworld.estimation.accuracy import predicted
 from polyworld.estimation.declared import Rolling, constants, with_resistance
 from polyworld.estimation.fit_settings import FitSettings
-from polyworld.estimation.least_squares import Minimum, Point, Problem
-from polyworld.estimation.noise_of_tracks import track_sigma
-from polyworld.estimation.posterior import Posterior, SamplingSettings, sample
-from polyworld.estimation.predict import Prediction, predicted
+from polyworld.estimation.fitted import (
+    TINY,
+    Drawn,
+    FittedRun,
+    Found,
+    Method,
+    StudyFit,
+    accuracy_of,
+    constants_of,
+    drawn_from,
+    fitted_constants,
+    members_of,
+    with_values,
+)
+from polyworld.estimation.least_squares import Point, Problem
+from polyworld.estimation.noise import track_sigma
+from polyworld.estimation.posterior import SamplingSettings
 from polyworld.estimation.problem import Block
-from polyworld.estimation.readout import TracksReadout, observed_entries, sample_times
-from polyworld.estimation.search import Search, SearchSettings, search
+from polyworld.estimation.readout import sample_times, tracks_readout
+from polyworld.estimation.search import CemSettings, Search, SearchSettings, search
 from polyworld.estimation.starts import initial_state
 from polyworld.estimation.stretches import Stretch, stretches
 from polyworld.estimation.study import Study, StudyRun
 from polyworld.estimation.support import supports, with_supports
 from polyworld.estimation.unknown import Unknown
-from polyworld.estimation.whole_run import refined, through
-from polyworld.solver.rollout import simulator
-from polyworld.trajectory import BatchTrajectory
+from polyworld.estimation.whole_run import Through, refined, through
 from polyworld.world import World
 from polyworld.world.geometry import circumscribed_radius
-from polyworld.world.parameters import parameter_paths, read_parameter, with_parameters
 from polyworld.world.shapes import Sphere
 
 Array = NDArray[np.float64]
 
-Method = Literal["least_squares", "cem", "random_search"]
 Edit = Callable[[list[Unknown]], list[Unknown]]
 STATE = ("position", "velocity", "rotation", "angular_velocity")  # fields of a body at its start
-TINY = 1e-15  # below which a number is rounding
 COSTLY = SamplingSettings(rounds=2, most=2, draws=32)  # of worlds with deformable bodies, whose rollouts take seconds
-SKIDS_RARELY = 4.6  # minus twice the logarithm of one in ten: few balls slide and never begin to roll
-WEAK = 12.0  # difference of twice the log-evidence beyond which a way of rolling has less than three in a thousand
 Watch = Callable[[float, str, float], None]
 
 
@@ -66,77 +70,6 @@ class FitOptions:
     generations: int = 60
     population: int = 64
     seed: int = 0
-
-
-@dataclass(frozen=True)
-class FittedConstant:
-    """A constant: its value at the minimum, its standard deviation and the interval that holds 80% of the posterior.
-
-    prior: mean and standard deviation, of the natural logarithm where the scale is "log"; None where there is none.
-    informed: part of the prior's variance that the data took away; below a half the value is the prior's. draws (N,):
-    of the posterior.
-    """
-
-    unknown: Unknown
-    value: float
-    standard_error: float
-    interval: tuple[float, float]
-    informed: float
-    draws: Array
-
-    @property
-    def at_bound(self) -> bool:
-        """Whether the value lies on a bound that is no physical zero."""
-        u, width = self.unknown, self.unknown.upper - self.unknown.lower
-        return self.value > u.upper - 0.01 * width or (self.value < u.lower + 0.01 * width and u.lower > 0.0)
-
-
-@dataclass(frozen=True)
-class FittedRun:
-    """One run of a fitted study.
-
-    start: the world as the run's initial state was first guessed, to which `sample` refers. sample: parameter path ->
-    values (N,) of the posterior, the minimum first. slack: by collision, standard deviations by which the state after
-    it departs from what the model predicts.
-    """
-
-    name: str
-    world: World
-    start: World
-    sample: dict[str, Array]
-    accuracy: Accuracy | None
-    accuracy_start: Accuracy | None
-    held_out: Accuracy | None
-    prediction: Prediction | None
-    slack: tuple[float, ...]
-    frames: tuple[int, int]
-
-
-@dataclass(frozen=True)
-class StudyFit:
-    """A fitted study. cost: robust chi-square with priors at the minimum, and where the fit started; misfit: mean
-    robust chi-square of a measured component. rolling: how what can roll moves. others: costs of the starts that were
-    not taken."""
-
-    method: Method
-    constants: tuple[FittedConstant, ...]
-    runs: tuple[FittedRun, ...]
-    cost: float
-    cost_start: float
-    misfit: float
-    rolling: Rolling
-    others: dict[str, float]
-    effective: float
-    rollouts: int
-    seconds: float
-    cancelled: bool
-
-    def constant(self, name: str) -> FittedConstant:
-        """Return a constant by name; raises KeyError naming the choices."""
-        for found in self.constants:
-            if found.unknown.name == name:
-                return found
-        raise KeyError(f"unknown constant {name!r}; fitted: {[c.unknown.name for c in self.constants]}")
 
 
 def fit(
@@ -187,7 +120,7 @@ class _Fit:
             found = self.fitted(self.shown)
             return self.report(found, found, held)
         cuts = [_cut(run.tracks, self.options.share) for run in self.study.runs]
-        early: _Found | None = None
+        early: Found | None = None
         if any(c is not None for c in cuts) and self.options.method == "least_squares":
             self.share, self.step = (0.0, 0.4), "fitting without the last frames"
             shown = [r.tracks if c is None else r.tracks.window(int(r.tracks.frames[0]), c - 1)
@@ -198,12 +131,12 @@ class _Fit:
         self.share, self.step = (0.85, 1.0), "sampling the posterior"
         return self.report(whole, early, cuts)
 
-    def fitted(self, tracks: Sequence[ObservedTracks], before: _Found | None = None) -> _Found:
+    def fitted(self, tracks: Sequence[ObservedTracks], before: Found | None = None) -> Found:
         """Fit every way in which what can roll may move, unless a fit before decided it; the best first."""
         if self.options.method != "least_squares":
             return self.searched(tracks, self.options.method)
         ways = self.ways() if before is None else list(before.kept)
-        found: list[_Found] = []
+        found: list[Found] = []
         for rolling in ways:
             problem = self.problem(tracks, rolling, cut=True)
             at = problem.start()
@@ -213,11 +146,11 @@ class _Fit:
                 stages = [1.0] if carried else None
             cost = float(problem.costs([problem.start()], 1.0)[0])
             minimum = problem.fit(at, watch=self._watched(problem), cancelled=self._cancelled, stages=stages)
-            found.append(_Found(problem, minimum, rolling, cost))
+            found.append(Found(problem, minimum, rolling, cost))
         found.sort(key=lambda f: f.evidence)
         return replace(found[0], others=tuple(found[1:]))
 
-    def searched(self, tracks: Sequence[ObservedTracks], method: Search) -> _Found:
+    def searched(self, tracks: Sequence[ObservedTracks], method: Search) -> Found:
         """Search by the cross-entropy method or at random, runs whole."""
         rolling: Rolling = "rolls" if "rolls" in self.ways() else "slides"
         problem = self.problem(tracks, rolling, cut=False)
@@ -230,7 +163,7 @@ class _Fit:
             self._say(number / o.generations, f"generation {number} of {o.generations}", least, problem)
 
         point = search(problem, method, chosen, watched, self._cancelled)
-        return _Found(problem, problem.at(point), rolling, cost)
+        return Found(problem, problem.at(point), rolling, cost)
 
     def ways(self) -> list[Rolling]:
         """Ways in which what can roll may move; one where nothing can, or where it flies."""
@@ -276,7 +209,7 @@ class _Fit:
             world = _coarser(world, self.settings.descent.substep)
             part = replace(part, world=world)
             states = initial_state(part, self.settings.priors, rolling, free=self.options.states)
-            readout = TracksReadout(world, part.tracks, sigma)
+            readout = tracks_readout(world, part.tracks, sigma)
             blocks.append(
                 Block(run.name, world, sample_times(world, part.tracks), readout, states, part.link, groups=part.groups)
             )
@@ -284,41 +217,32 @@ class _Fit:
 
     # -- report --------------------------------------------------------------------------------------------------
 
-    def report(self, found: _Found, early: _Found | None, cuts: Sequence[int | None]) -> StudyFit:
+    def report(self, found: Found, early: Found | None, cuts: Sequence[int | None]) -> StudyFit:
         """Sample the posterior, and compare runs with what was measured."""
         problem, minimum = found.problem, found.minimum
         drawn = self._drawn(found)
-        first = self._drawn(early, SamplingSettings(rounds=2, most=4)) if early else None
-        runs = [self._run(r, run, found, drawn, early, first, cuts[r]) for r, run in enumerate(self.study.runs)]
+        first = self._drawn(early, SamplingSettings(rounds=2, most=4)) if early else ()
+        runs = [self._run(r, run, drawn, first, cuts[r]) for r, run in enumerate(self.study.runs)]
         self.rollouts += problem.rollouts + (early.problem.rollouts if early else 0)
-        count = sum(problem.runs[r][b].size for r in range(len(runs)) for b in range(len(problem.runs[r])))
+        count = sum(b.size for blocks in problem.runs for b in blocks)
         return StudyFit(
             method=self.options.method,
-            constants=_constants(problem, minimum, _named(found, drawn)),
+            constants=fitted_constants(drawn),
             runs=tuple(runs),
             cost=minimum.cost,
             cost_start=found.cost_start,
             misfit=minimum.misfit / max(count, 1),
             rolling=found.rolling,
             others={f.rolling: f.minimum.cost for f in found.others},
-            effective=drawn[0][1].effective,
+            effective=drawn[-1 if len(drawn) < 2 else 1][1].effective,
             rollouts=self.rollouts,
             seconds=0.0,
             cancelled=self._cancelled is not None and self._cancelled(),
         )
 
-    def _drawn(self, found: _Found, sampling: SamplingSettings | None = None) -> list[tuple[_Found, Posterior]]:
-        """Sample the posterior of every way of rolling that the evidence leaves, in proportion to its probability."""
-        shares = found.shares
-        counts = [round(p * (self.options.members - 1)) for _, p in shares]
-        counts[0] = self.options.members - 1 - sum(counts[1:])
+    def _drawn(self, found: Found, sampling: SamplingSettings | None = None) -> Drawn:
         draws = sampling or (COSTLY if any(r.world.coupled for r in self.study.runs) else SamplingSettings())
-        draws = replace(draws, alike=self._alike())
-        return [
-            (f, sample(f.problem, f.minimum, n, self.options.seed, draws))
-            for (f, _), n in zip(shares, counts, strict=True)
-            if n
-        ]
+        return drawn_from(found, self.options.members, self.options.seed, replace(draws, alike=self._alike()))
 
     def _alike(self) -> float:
         """Return how many samples count as one, as far as noise does not hide what the model leaves."""
@@ -328,52 +252,47 @@ class _Fit:
         ratio = float(np.mean(every**2)) if len(every) else 0.0
         return min(1.0 + ratio, self.settings.model.alike)
 
-    def _run(
-        self,
-        r: int,
-        run: StudyRun,
-        found: _Found,
-        drawn: list[tuple[_Found, Posterior]],
-        early: _Found | None,
-        first: list[tuple[_Found, Posterior]] | None,
-        cut: int | None,
-    ) -> FittedRun:
+    def _run(self, r: int, run: StudyRun, drawn: Drawn, early: Drawn, cut: int | None) -> FittedRun:
+        found, shown, impact = drawn[0][0], self.shown[r], self.settings.priors.impact
         blocks = found.problem.runs[r]
-        impact = self.settings.priors.impact
-        first_world = blocks[0].world.model_copy(update={"time": run.world.time})
-        led = through(first_world, blocks, [_members(found, drawn, r, b, impact) for b in range(len(blocks))])
+        led = self._through(drawn, r, run, impact)
         start, joint = led.world, led.overrides
         if len(blocks) > 1:
-            given = {
-                p: float(v[0])
-                for p, v in joint.items()
-                if p.startswith("effects.") or p.rsplit(".", 2)[-2] not in STATE
-            }
-            coarse = _written(_coarser(start, self.settings.descent.substep), given)
-            readout, times = TracksReadout(coarse, self.shown[r], self.sigma[r]), sample_times(coarse, self.shown[r])
+            given = {p: float(v[0]) for p, v in joint.items()
+                     if p.startswith("effects.") or p.rsplit(".", 2)[-2] not in STATE}  # fmt: skip
+            coarse = with_values(_coarser(start, self.settings.descent.substep), given)
+            readout, times = tracks_readout(coarse, shown, self.sigma[r]), sample_times(coarse, shown)
             joint = refined(led, coarse, blocks, readout, times, found.minimum.point.states[r][0], self.settings)
-        world = _written(start, {path: float(v[0]) for path, v in joint.items()})
-        shown = self.shown[r]
-        accuracy = _accuracy(world, shown)
-        prediction, held_out = None, None
-        if early is not None and first is not None and cut is not None:
-            own = early.problem.runs[r][-1]
-            names = _named(early, first)
-            prediction = predicted(
-                own, _members(early, first, r, -1, impact), run, self.sigma[r], cut, early.begins(r), names
-            )
-            held_out = _accuracy(world if early is found else self._led(early, r, run), run.tracks, cut)
-        frames = (int(shown.frames[0]), int(shown.frames[-1]))
-        slack = found.problem.slacks(found.minimum.point, r)
-        started = _accuracy(run.world, shown)
-        return FittedRun(run.name, world, start, joint, accuracy, started, held_out, prediction, slack, frames)
+        world = with_values(start, {path: float(v[0]) for path, v in joint.items()})
+        prediction = held_out = None
+        if early and cut is not None:
+            before = early[0][0]
+            members, names = members_of(early, r, -1, impact), constants_of(early)
+            block, begin = before.problem.runs[r][-1], before.begins(r)
+            prediction = predicted(block, members, run, self.sigma[r], cut, begin, names)
+            ended = world
+            if before is not found:
+                led = self._through(early[:1], r, run)
+                ended = with_values(led.world, {path: float(v[0]) for path, v in led.overrides.items()})
+            held_out = accuracy_of(ended, run.tracks, cut)
+        return FittedRun(
+            name=run.name,
+            world=world,
+            start=start,
+            sample=joint,
+            accuracy=accuracy_of(world, shown),
+            accuracy_start=accuracy_of(run.world, shown),
+            held_out=held_out,
+            prediction=prediction,
+            slack=found.problem.slacks(found.minimum.point, r),
+            frames=(int(shown.frames[0]), int(shown.frames[-1])),
+        )
 
-    def _led(self, found: _Found, r: int, run: StudyRun) -> World:
-        """Return the world of a fit's minimum that one start leads through the whole run."""
-        blocks = found.problem.runs[r]
+    def _through(self, drawn: Drawn, r: int, run: StudyRun, impact: float = 0.0) -> Through:
+        """Lead the starts of a sample through all stretches of a run."""
+        blocks = drawn[0][0].problem.runs[r]
         first = blocks[0].world.model_copy(update={"time": run.world.time})
-        led = through(first, blocks, [_members(found, [], r, b) for b in range(len(blocks))])
-        return _written(led.world, {path: float(v[0]) for path, v in led.overrides.items()})
+        return through(first, blocks, [members_of(drawn, r, b, impact) for b in range(len(blocks))])
 
     def _watched(self, problem: Problem) -> Callable[[float, float], None]:
         def watched(share: float, cost: float) -> None:
@@ -388,46 +307,7 @@ class _Fit:
             self._watch(begin + share * (end - begin), step, float(np.sqrt(cost / count)))
 
 
-@dataclass(frozen=True)
-class _Found:
-    """A fit of one way of rolling."""
-
-    problem: Problem
-    minimum: Minimum
-    rolling: Rolling
-    cost_start: float
-    others: tuple[_Found, ...] = ()
-
-    @property
-    def evidence(self) -> float:
-        """Minus twice the log-evidence, up to a constant: the minimum, and the volume of the prior that it leaves."""
-        rare = SKIDS_RARELY if self.rolling == "skids" else 0.0
-        return self.minimum.cost + self.problem.occam(self.minimum) + rare
-
-    @property
-    def kept(self) -> tuple[Rolling, ...]:
-        """Ways of rolling that the evidence leaves, the best first."""
-        near = [f.rolling for f in self.others if f.evidence < self.evidence + WEAK]
-        return (self.rolling, *near)
-
-    @property
-    def every(self) -> tuple[_Found, ...]:
-        """All ways of rolling, the best first."""
-        return (self, *self.others)
-
-    @property
-    def shares(self) -> list[tuple[_Found, float]]:
-        """Ways of rolling that the evidence leaves, with their probabilities."""
-        every = [self, *(f for f in self.others if f.rolling in self.kept)]
-        weights = np.exp(-0.5 * (np.array([f.evidence for f in every]) - self.evidence))
-        return list(zip(every, weights / weights.sum(), strict=True))
-
-    def begins(self, r: int) -> float:
-        """When the last stretch of a run begins [s]."""
-        return float(sum(b.link.time for b in self.problem.runs[r] if b.link is not None))
-
-
-def _continued(problem: Problem, before: _Found) -> tuple[Point, bool]:
+def _continued(problem: Problem, before: Found) -> tuple[Point, bool]:
     """Return a start where a fit to fewer frames ended, and whether all stretches have one of its states."""
     start, at = problem.start(), before.minimum.point
     if len(at.shared) != len(start.shared):
@@ -458,44 +338,6 @@ def _sizes(run: StudyRun) -> Array:
     return np.array([sizes.get(n, 0.0) for n in run.tracks.names])
 
 
-def _members(
-    found: _Found, drawn: list[tuple[_Found, Posterior]], r: int, b: int, impact: float = 0.0
-) -> dict[str, Array]:
-    """Return parameter path -> values (N,) of the minimum, then of the members, of one block.
-
-    impact: standard deviation of what a body's restitution in a single collision has of its own.
-    """
-    rng = np.random.default_rng([r, 0x1E])
-    at = found.minimum.point
-    block = found.problem.runs[r][b]
-    parts = [block.overrides(at.shared[None], at.states[r][b][None])]
-    parts += [f.problem.runs[r][b].overrides(p.shared, p.states[r][b]) for f, p in drawn]
-    counts = [len(next(iter(part.values()), np.zeros(1))) for part in parts]
-    joint: dict[str, Array] = {}
-    for path in dict.fromkeys(path for part in parts for path in part):
-        own = read_parameter(block.world, path) or 0.0
-        joint[path] = np.concatenate([part.get(path, np.full(n, own)) for part, n in zip(parts, counts, strict=True)])
-        if path.endswith(".restitution"):
-            joint[path][1:] = np.clip(joint[path][1:] + impact * rng.standard_normal(len(joint[path]) - 1), 0.0, 1.0)
-    return joint
-
-
-def _named(found: _Found, drawn: list[tuple[_Found, Posterior]]) -> dict[str, Array]:
-    """Return constants by name, coordinates (N,) of the minimum, then of the members; NaN where one has no such."""
-    own = {u.name: i for i, u in enumerate(found.problem.shared)}
-    joint: dict[str, Array] = {}
-    for name in dict.fromkeys(u.name for f, _ in [(found, None), *drawn] for u in f.problem.shared):
-        u = next(u for f, _ in [(found, None), *drawn] for u in f.problem.shared if u.name == name)
-        parts = [np.full(1, found.minimum.point.shared[own[name]] if name in own else np.nan)]
-        for f, p in drawn:
-            column = next((i for i, u in enumerate(f.problem.shared) if u.name == name), None)
-            parts.append(np.full(len(p.shared), np.nan) if column is None else p.shared[:, column])
-        joint[name] = np.concatenate(parts)
-        if u.scale == "linear":
-            joint[name] = np.maximum(joint[name], u.lower)
-    return joint
-
-
 def _cut(tracks: ObservedTracks, share: float) -> int | None:
     """Return the first frame left out; None where too few frames would be left on either side."""
     count = len(tracks.frames)
@@ -505,41 +347,3 @@ def _cut(tracks: ObservedTracks, share: float) -> int | None:
 
 def _before(tracks: ObservedTracks, frame: int) -> ObservedTracks:
     return tracks.window(int(tracks.frames[0]), frame - 1)
-
-
-def _written(world: World, values: dict[str, float]) -> World:
-    known = parameter_paths(world)
-    inside = {p: float(np.clip(v, known[p].lower, known[p].upper)) for p, v in values.items() if p in known}
-    inside = {p: v if abs(v) > TINY else 0.0 for p, v in inside.items()}
-    return with_parameters(world, inside)
-
-
-def _accuracy(world: World, tracks: ObservedTracks, cut: int | None = None) -> Accuracy | None:
-    """Compare a world with tracks, from frame `cut` on; None where it diverges."""
-    batch: BatchTrajectory = simulator(world, sample_times(world, tracks), n_worlds=1).run()
-    if batch.stopped[0]:
-        return None
-    first = 0 if cut is None else int(np.searchsorted(tracks.frames, cut))
-    return errors(observed_entries(world, tracks), batch, first, len(tracks.frames))
-
-
-def _constants(problem: Problem, minimum: Minimum, named: dict[str, Array]) -> tuple[FittedConstant, ...]:
-    found = []
-    for i, u in enumerate(problem.shared):
-        draws = named[u.name][1:]
-        draws = draws[np.isfinite(draws)]
-        spread = float(draws.std())
-        prior = (
-            problem.prior_sd[i]
-            if np.isfinite(problem.prior_sd[i])
-            else (problem.upper - problem.lower)[i] / np.sqrt(12.0)
-        )
-        if u.prior is not None and u.lower == 0.0 and u.prior[0] == 0.0:
-            prior *= np.sqrt(0.5 - 0.5 / np.pi)  # of a normal variable, 0 where it is negative
-        values = np.exp(draws) if u.scale == "log" else draws
-        x = float(minimum.point.shared[i] if u.scale == "log" else max(minimum.point.shared[i], u.lower))
-        low, high = np.quantile(values, [0.1, 0.9])
-        informed = float(np.clip(1.0 - (spread / prior) ** 2, 0.0, 1.0))
-        value = float(np.exp(x)) if u.scale == "log" else x
-        found.append(FittedConstant(u, value, float(values.std()), (float(low), float(high)), informed, values))
-    return tuple(found)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.noise import noise_level
 from polyworld.data.recording import Run
 from polyworld.probing.closest_approach import gap_to_statics
 from polyworld.world import World, geometry
@@ -13,7 +14,7 @@ from polyworld.world.shapes import Sphere, TriangleMesh
 
 Array = NDArray[np.float64]
 
-EARLY = 8  # samples in which something must show
+EARLY = 8  # samples in which something must show, and from which a first velocity is taken
 CLEARLY = 2.0  # ratio of the squares of a fall's and a line's misfit from which one of them is the better
 RESTLESS = 2.0  # times its noise, by third differences, beyond which a level height is not that of a body at rest
 VARIES = 1.2  # times its noise beyond which a height may vary in truth
@@ -37,13 +38,13 @@ def keeps_height(times: Array, values: Array, acceleration: float) -> bool:
     (slope, _), covariance = np.polyfit(t, x, 1, cov="unscaled")
     rest = x - np.polyval(np.polyfit(t, x, 1), t)
     left = max(float(np.sqrt(rest @ rest / (len(t) - 2))), TOUCHING)
-    if left > RESTLESS * max(noise_of(x), TOUCHING):  # it hops
+    if left > RESTLESS * max(noise_level(t, x), TOUCHING):  # it hops
         return False
     error = left * np.sqrt(covariance[0, 0])
     return bool(abs(slope) <= STEEP * error)
 
 
-def is_aloft(values: Array, rest: float) -> bool:
+def is_aloft(times: Array, values: Array, rest: float) -> bool:
     """Return whether a ball whose height (m,) seems to stay the same hops in truth, hidden by the noise: on the whole
     it is off the height at which it would rest, and varies about its mean by more than the noise does.
 
@@ -51,16 +52,8 @@ def is_aloft(values: Array, rest: float) -> bool:
     its third differences say.
     """
     x = values[: 8 * EARLY]
-    noise = noise_of(x)
+    noise = noise_level(times[: 8 * EARLY], x)
     return abs(float(np.mean(x)) - rest) > ALOFT * noise and float(np.std(x)) > VARIES * noise
-
-
-def noise_of(values: Array) -> float:
-    """Return the standard deviation of the noise of a smooth course (m,): by third differences, at least rounding's."""
-    noise = float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))
-    steps = np.unique(values)
-    rounded = 1 < len(steps) <= len(values) // 2  # rounded values come again, noisy ones do not
-    return max(noise, float(np.diff(steps).min()) / np.sqrt(12.0)) if rounded else noise
 
 
 def may_be_supported(world: World, item: RigidObject, run: Run) -> bool:
@@ -138,8 +131,7 @@ def _first_place(run: Run, item: RigidObject) -> tuple[Array, float]:
         seen = values[np.isfinite(values)]
         if len(seen):
             place[axis] = float(np.mean(seen[:EARLY]))
-        if len(seen) >= EARLY:
-            largest = max(largest, noise_of(seen))
+        largest = max(largest, float(np.nan_to_num(noise_level(run.times, values))))
     return place, largest
 
 

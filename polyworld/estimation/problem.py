@@ -7,15 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.initial_state import StateMap
 from polyworld.estimation.machines import Job, Machines, Seat, roll
 from polyworld.estimation.stretches import Link
-from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.unknown import StateMap, Unknown
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
 
@@ -34,11 +33,6 @@ class Readout(Protocol):
     def residuals(self, batch: BatchTrajectory, samples: int) -> Array:
         """Return standardised residuals (k, m) of all that was measured within the first `samples` instants."""
         ...
-
-
-@runtime_checkable
-class OwnedReadout(Readout, Protocol):
-    """A readout that knows which object each residual is of, as blocks of several groups need."""
 
     def owners(self, samples: int) -> list[str]:
         """Return the object (m,) of every residual within the first `samples` instants."""
@@ -105,7 +99,6 @@ class Block:
     def owned(self, most: float, link: bool) -> tuple[Ints, Ints]:
         """Return the group to which every residual (m,) belongs, and every component (q,) of the link's end."""
         index = {name: i for i, group in enumerate(self.groups) for name in group}
-        assert isinstance(self.readout, OwnedReadout)
         owners = self.readout.owners(self.samples(most))
         ends = np.repeat([index[n] for n in self.link.place], 6) if self.link and link else np.zeros(0)
         return np.array([index[n] for n in owners], dtype=np.int64), ends.astype(np.int64)

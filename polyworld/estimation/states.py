@@ -12,17 +12,19 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.noise import noise_level
 from polyworld.data.recording import Run
-from polyworld.estimation.initial_state import StateMap
 from polyworld.estimation.initial_support import (
+    EARLY,
     is_aloft,
     is_supported,
     keeps_height,
     may_be_supported,
-    noise_of,
     rest_place,
 )
 from polyworld.estimation.linkage import is_held, linkages
+from polyworld.estimation.readout import owner
+from polyworld.estimation.unknown import Guess, StateMap, of_paths
 from polyworld.world import World, geometry
 from polyworld.world.materials import material_of
 from polyworld.world.representations.rigid import RigidObject
@@ -30,9 +32,7 @@ from polyworld.world.shapes import Sphere
 from polyworld.world.symmetry import rotation_vector
 
 Array = NDArray[np.float64]
-Guess = tuple[float, float]  # a first guess, and a change that is ordinary
 
-EARLY = 8  # samples from which a first velocity is taken
 LENGTH = 0.05  # ordinary change of a position [m], of a velocity [m/s] tenfold
 SPIN = 6.0  # ordinary spin of a body whose spin was not measured [rad/s]
 TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
@@ -45,9 +45,11 @@ def state_coordinates(world: World, run: Run) -> tuple[StateMap, ...]:
     Components that were not measured keep the values of the world's description.
     """
     found = [*linkage_states(world, run)]
-    for name in dict.fromkeys(name.split("#", 1)[0] for name in run.names):
+    for name in dict.fromkeys(owner(name) for name in run.names):
         if not world.is_rigid(name):
-            found.append(_deformable(name, world, run))
+            columns = [k for k, n in enumerate(run.names) if owner(n) == name]
+            seen = np.isfinite(run.positions[:, columns]).sum(axis=(0, 1)) >= 2
+            found.append(deformable_state(world, name, "".join(a for a in free_axes(world) if seen["xyz".index(a)])))
         elif not is_held(world, name):
             found.append(_free(world, world.object(name), run))
     return tuple(found)
@@ -64,18 +66,6 @@ def linkage_states(world: World, run: Run) -> tuple[StateMap, ...]:
             typical = np.tile([TURN, 10.0 * TURN], n // 2)
             found.append(StateMap(labels, start, typical, np.tile([0.0, np.inf], (n, 1)), linkage.overrides))
     return tuple(found)
-
-
-def _map(paths: Mapping[str, Guess], known: Mapping[str, float], widths: Mapping[str, float]) -> StateMap:
-    """Return coordinates that are parameters themselves; known: parameters that are not fitted; widths: of priors."""
-
-    def overrides(values: Array, _: Mapping[str, Array]) -> dict[str, Array]:
-        fixed = {path: np.full(len(values), v) for path, v in known.items()}
-        return fixed | {path: values[:, i] for i, path in enumerate(paths)}
-
-    start, typical = np.array(list(paths.values()), dtype=float).reshape(-1, 2).T
-    prior = np.array([[0.0, widths.get(path, np.inf)] for path in paths]).reshape(-1, 2)
-    return StateMap(tuple(p.removeprefix("objects.") for p in paths), start, typical, prior, overrides)
 
 
 def _free(world: World, item: RigidObject, run: Run) -> StateMap:
@@ -98,7 +88,7 @@ def _free(world: World, item: RigidObject, run: Run) -> StateMap:
         supported = level and may_be_supported(world, item, run)
         supports = axis if supported else supports
         known = rest_place(world, item, run, axis) if supported else None
-        if known is not None and not is_aloft(values[rows], known):
+        if known is not None and not is_aloft(times[rows], values[rows], known):
             fixed[f"position.{letter}"] = known
             continue
         if supported and known is None:
@@ -138,7 +128,7 @@ def _free(world: World, item: RigidObject, run: Run) -> StateMap:
             rates = [f"rate_{letter}" for letter in "xyz"]
             own = {f"effects.{effect.name}.{r}": (effect.parameters.get(r, 0.0), 10.0 * TURN) for r in rates}
             paths |= own
-    return _map(paths, {head + k: v for k, v in fixed.items()}, {head + k: v for k, v in widths.items()})
+    return of_paths(paths, {head + k: (0.0, v) for k, v in widths.items()}, {head + k: v for k, v in fixed.items()})
 
 
 def _known_spin(item: RigidObject, found: Mapping[str, Guess]) -> bool:
@@ -205,12 +195,12 @@ def initial_spin(run: Run, column: int) -> Array:
 
 
 def _first_value(times: Array, values: Array) -> float:
-    first, count = float(values[0]), EARLY
+    first, count, noise = float(values[0]), EARLY, float(np.nan_to_num(noise_level(times, values)))
     while count <= len(values):
         line = np.polyfit(times[:count], values[:count], 1)
         rest = values[:count] - np.polyval(line, times[:count])
         free = count - 2
-        if float(rest @ rest) > noise_of(values) ** 2 * (free + ERRORS * np.sqrt(2.0 * free)):
+        if float(rest @ rest) > noise**2 * (free + ERRORS * np.sqrt(2.0 * free)):
             break
         first = float(line[1])
         if count == len(values):
@@ -219,24 +209,24 @@ def _first_value(times: Array, values: Array) -> float:
     return first
 
 
-def _deformable(name: str, world: World, run: Run) -> StateMap:
+def deformable_state(world: World, name: str, axes: str) -> StateMap:
     """Return where a deformable object begins and how fast, as a whole: its shape at the start is the world's.
 
-    What is held somewhere, and fluids, start as the world says: they cannot be shifted off what holds them.
+    axes: along which it moves. What is held somewhere, and fluids, start as the world says: they cannot be shifted off
+    what holds them.
     """
-    held = any(a.object == name for a in world.attachments) or any(p.rope == name for p in world.pulleys)
+    held = any(name in (a.object, a.to) for a in world.attachments) or any(p.rope == name for p in world.pulleys)
     if held or material_of(world.deformable(name)).form == "liquid":
-        return _map({}, {}, {})
-    normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2]) if world.planar else np.zeros(3)
-    columns = [k for k, n in enumerate(run.names) if n.split("#", 1)[0] == name]
-    seen = np.isfinite(run.positions[:, columns]).sum(axis=(0, 1)) >= 2
+        return of_paths({})
     velocity = getattr(world.item(name), "velocity", (0.0, 0.0, 0.0))
-    found: dict[str, Guess] = {}
-    for axis in np.flatnonzero(seen & (normal < 1.0 - 1e-9)).tolist():
-        head = f"objects.{name}"
-        found[f"{head}.shift.{'xyz'[axis]}"] = 0.0, LENGTH
-        found[f"{head}.velocity.{'xyz'[axis]}"] = velocity[axis], 10.0 * LENGTH
-    return _map(found, {}, {})
+    found: dict[str, Guess] = {f"objects.{name}.shift.{a}": (0.0, LENGTH) for a in axes}
+    return of_paths(found | {f"objects.{name}.velocity.{a}": (velocity["xyz".index(a)], 10.0 * LENGTH) for a in axes})
+
+
+def free_axes(world: World) -> str:
+    """World axes along which objects move: an oblique motion plane needs all three to be varied."""
+    normal = geometry.plane_axes(world.environment.motion_plane)[2]
+    return "".join(a for i, a in enumerate("xyz") if not (world.planar and abs(normal[i]) > 1.0 - 1e-9))
 
 
 def _line(times: Array, values: Array, acceleration: float) -> tuple[float, float]:

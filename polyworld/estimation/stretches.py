@@ -89,15 +89,11 @@ def collisions(
     By binary segmentation: at the instant at which velocities jump most, then on either side of it. Bodies that take
     part are near one another.
     """
-    reach = {o.name: geometry.circumscribed_radius(o.shape) for o in world.objects if o.name in tracks.names}
+    bodies = {o.name for o in world.objects}
     step = world.time.seconds_per_frame
 
     def met(row: int, a: str, b: str) -> bool:
-        rows = slice(max(row - 2, 0), row + 2)
-        apart = tracks.positions[rows, tracks.index(a)] - tracks.positions[rows, tracks.index(b)]
-        moved = np.abs(np.diff(apart, axis=0)).max(initial=0.0)
-        nearest = np.nanmin(np.linalg.norm(apart, axis=1), initial=np.inf)
-        return bool(nearest < reach[a] + reach[b] + moved + NEAR * float(noise.max()))
+        return _near(world, tracks, noise, np.arange(max(row - 2, 0), min(row + 2, len(tracks.frames))), a, b)
 
     def within(rows: range) -> list[tuple[int, tuple[str, ...]]]:
         gains = velocity_jumps(tracks, step, noise, rows, settings)
@@ -107,7 +103,7 @@ def collisions(
             if total[row].sum() <= settings.gain:
                 return []
             jumped = [n for n, g in zip(tracks.names, gains[max(row - 1, 0) : row + 2].max(axis=0), strict=True)
-                      if g > settings.gain and n in reach]  # fmt: skip
+                      if g > settings.gain and n in bodies]  # fmt: skip
             who = tuple(a for a in jumped if any(met(row, a, b) for b in jumped if b != a))
             if who:
                 return [*within(range(rows.start, row)), (row, who), *within(range(row, rows.stop))]
@@ -175,20 +171,26 @@ def together(
         return ()
     if not set(bodies) <= set(tracks.names):
         return ()
-    reach = {o.name: geometry.circumscribed_radius(o.shape) for o in world.objects}
     step = world.time.seconds_per_frame
     rows = np.flatnonzero((tracks.frames * step >= begin - 1e-9) & (tracks.frames * step <= end + 1e-9))
     groups = [frozenset([n]) for n in bodies]
     for i, a in enumerate(bodies):
         for b in bodies[:i]:
-            apart = tracks.positions[rows, tracks.index(a)] - tracks.positions[rows, tracks.index(b)]
-            seen = apart[np.isfinite(apart).all(axis=1)]
-            moved = float(np.linalg.norm(np.diff(seen, axis=0), axis=1).max(initial=0.0))
-            nearest = float(np.linalg.norm(seen, axis=1).min(initial=np.inf))
-            if len(seen) < len(rows) or nearest < reach[a] + reach[b] + moved + NEAR * float(noise.max()):
+            unseen = not np.isfinite(tracks.positions[rows][:, [tracks.index(a), tracks.index(b)]]).all()
+            if unseen or _near(world, tracks, noise, rows, a, b):
                 both = [g for g in groups if a in g or b in g]
                 groups = [*(g for g in groups if g not in both), frozenset().union(*both)]
     return tuple(groups)
+
+
+def _near(world: World, tracks: ObservedTracks, noise: Array, rows: NDArray[np.int64], a: str, b: str) -> bool:
+    """Return whether two bodies come so near in some rows that they may touch between them."""
+    apart = tracks.positions[rows, tracks.index(a)] - tracks.positions[rows, tracks.index(b)]
+    seen = apart[np.isfinite(apart).all(axis=1)]
+    moved = float(np.linalg.norm(np.diff(seen, axis=0), axis=1).max(initial=0.0))
+    reach = sum(geometry.circumscribed_radius(world.object(n).shape) for n in (a, b))
+    nearest = float(np.linalg.norm(seen, axis=1).min(initial=np.inf))
+    return nearest < reach + moved + NEAR * float(noise.max())
 
 
 def _carried_on(before: Stretch, world: World, part: ObservedTracks, time: float) -> World:

@@ -34,8 +34,3 @@ class Study:
             raise ValueError(
                 "runs of a study must be all planar or all spatial: BuildWorld(representation=...) builds them alike"
             )
-
-
-def of_one(world: World, tracks: ObservedTracks, name: str = "run") -> Study:
-    """Return the study of a single run."""
-    return Study((StudyRun(name, world, tracks),))

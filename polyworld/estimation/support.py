@@ -47,11 +47,6 @@ class Support:
         turn = geometry.quaternion_matrix(geometry.rotation_quaternion(self.normal * angle))
         return replace(self, axis=turn @ self.axis)
 
-    @property
-    def level(self) -> bool:
-        """Whether the surface is level."""
-        return bool(self.normal[2] > 1.0 - 1e-9)
-
 
 def supports(world: World, tracks: ObservedTracks, settings: SupportSettings | None = None) -> dict[str, Support]:
     """Support of every tracked body of a spatial world that keeps its height over a fixed surface as its track begins.

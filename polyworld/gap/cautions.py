@@ -6,7 +6,7 @@ import numpy as np
 
 from polyworld.data.recording import Recording
 from polyworld.estimation.linkage import is_held, linkages
-from polyworld.estimation.run_readout import owner
+from polyworld.estimation.readout import owner
 from polyworld.world import World
 
 FEW = 16  # instants of a series below which its noise is a guess

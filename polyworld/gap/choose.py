@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap.fitting import Fitted
+from polyworld.gap.fitting import Fitted, independent_share
 from polyworld.gap.settings import GapSettings
 
 Array = NDArray[np.float64]
 
-UNCORRELATED = 0.1  # correlation below which residuals count as independent
-MOST = 0.98
 FLOOR = 0.3  # of the noise, below which no error is believed
 
 
@@ -29,22 +27,15 @@ class Choice:
 
 
 def score(pool: Sequence[Fitted], counts: Array) -> float:
-    """Score all hypotheses of a pool alike: n_eff log(error / sigma) by fold, n_eff = n (1 - phi) / (1 + phi).
+    """Score all hypotheses of a pool alike: n_eff log(error / sigma) by fold, n_eff by what the best one leaves.
 
-    phi: lag-1 correlation of what the best one leaves. Return the share of values that count.
+    Return the share of values that count.
     """
     for f in pool:
         f.scores = counts * np.log(np.maximum(f.errors, FLOOR))
         f.total = float(f.scores.sum()) + f.price
     best = min(pool, key=lambda f: f.total)
-    product = square = 0.0
-    for grid in best.grids:
-        grid = grid / max(float(np.sqrt(np.nanmean(grid**2))), 1e-300)  # no single run decides
-        both = grid[1:] * grid[:-1]
-        product += float(np.nansum(both))
-        square += float(np.nansum(grid[1:] ** 2 * np.isfinite(both)))
-    phi = float(np.clip(product / max(square, 1e-300), 0.0, MOST))
-    share = (1.0 - phi) / (1.0 + phi) if phi > UNCORRELATED else 1.0
+    share = independent_share(best)
     for f in pool:
         f.scores = share * f.scores
         f.total = float(f.scores.sum()) + f.price
@@ -129,14 +120,14 @@ def helped_folds(fitted: Fitted, pool: Sequence[Fitted], null: Fitted) -> list[i
     for part in fitted.hypothesis.parts:
         if part.candidate.local:
             less = known.get(fitted.hypothesis.key - {(part.candidate.name, part.variant.label)}, null)
-            found |= set(np.flatnonzero(_helped(fitted, less)).tolist())
+            found |= set(np.flatnonzero(helped(fitted, less)).tolist())
     return sorted(found) if 2 * len(found) <= len(fitted.errors) else []
 
 
-def _helped(fitted: Fitted, less: Fitted) -> NDArray[np.bool_]:
-    halved = fitted.ground.settings.halved
-    helped: NDArray[np.bool_] = fitted.errors < 0.5 * (1.0 + halved) * less.errors
-    return helped
+def helped(fitted: Fitted, less: Fitted) -> NDArray[np.bool_]:
+    """Return which folds (F,) a hypothesis predicts clearly better than one with less."""
+    better: NDArray[np.bool_] = fitted.errors < 0.5 * (1.0 + fitted.ground.settings.halved) * less.errors
+    return better
 
 
 def credible(pool: Sequence[Fitted], null: Fitted) -> list[Fitted]:
@@ -159,8 +150,8 @@ def credible(pool: Sequence[Fitted], null: Fitted) -> list[Fitted]:
             halved = 0.0 if part.bends else settings.halved * less.error
             if part.stands_in and f.error > max(settings.near_noise, halved):
                 break
-            helped = _helped(f, less)
-            alone = helped.sum() < 2 and np.all(f.errors[helped] > settings.near_noise)
+            by_fold = helped(f, less)
+            alone = by_fold.sum() < 2 and np.all(f.errors[by_fold] > settings.near_noise)
             if part.candidate.local and len(counts) == len(f.errors) >= settings.fewest_runs and alone:
                 break
         else:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.data.initial_states import track_noise
+from polyworld.data.noise import noise_levels
 from polyworld.data.recording import Recording, Run
 from polyworld.effects.conditions import Conditions
 from polyworld.estimation.linkage import is_held
@@ -47,7 +47,7 @@ def tracks(world: World, recording: Recording) -> Iterator[Track]:
             places = run.positions[:, column]
             rows = np.flatnonzero(np.any(np.isfinite(places), axis=1))
             if len(rows) >= 2:
-                yield Track(index, name, run.times[rows], places[rows], _noise(run, places[rows]))
+                yield Track(index, name, run.times[rows], places[rows], _noise(run, run.times[rows], places[rows]))
 
 
 def conditions(world: World, recording: Recording) -> Conditions:
@@ -100,7 +100,6 @@ def _conditions(world: World, recording: Recording) -> Conditions:
         fastest=float(max(speeds.max(initial=0.0), speed)),
         spin=_spin(world, recording),
         duration=duration,
-        span=_span(recording),
         frame=min((float(np.median(np.diff(r.times))) for r in recording.runs if len(r.times) > 1), default=duration),
         gravity=gravity,
         acceleration=pull if pull > 1e-9 else speed / max(duration, 1e-6),
@@ -147,20 +146,12 @@ def _unturned(world: World, recording: Recording) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def _span(recording: Recording) -> float:
-    return max(float(run.times[-1] - run.times[0]) for run in recording.runs)
-
-
 def _start(world: World, name: str) -> Array:
     return np.asarray(world.object(name).position if world.is_rigid(name) else (0.0, 0.0, 0.0), dtype=float)
 
 
-def _noise(run: Run, places: Array) -> float:
-    if run.sigma is not None:
-        return run.sigma
-    complete = [track_noise(v[np.isfinite(v)][:, None])[0] for v in places.T if np.isfinite(v).sum() >= 7]
-    levels = [level for level in complete if np.isfinite(level)]
-    return float(max(levels)) if levels else 0.0
+def _noise(run: Run, times: Array, places: Array) -> float:
+    return float(np.nan_to_num(noise_levels(times, places)).max()) if run.sigma is None else run.sigma
 
 
 def _speeds(run: Run) -> Array:

@@ -18,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.problem import LOST
-from polyworld.estimation.run_readout import CHANNELS
-from polyworld.gap.fitting import Fitted
+from polyworld.estimation.readout import CHANNELS
+from polyworld.gap.cross_validation import reduced
+from polyworld.gap.fitting import Fitted, independent_share
 from polyworld.gap.ground import Ground
-from polyworld.gap.held_out import reduced
 from polyworld.gap.settings import GapSettings
-from polyworld.gap.verdict import independent_share
 
 Array = NDArray[np.float64]
 
@@ -202,14 +201,14 @@ def _forecast(trial: Ground, fitted: Fitted, starts: Array) -> _Forecast:
     residuals[(residuals == LOST).all(axis=1)] = np.nan
     motion = residuals.reshape(e, 1 + n + s, -1)
     change = np.swapaxes(motion[:, 1:] - motion[:, :1], 1, 2)
-    left = fitted.scale / np.sqrt(max(independent_share(fitted), 1e-3))
+    left = fitted.scale / np.sqrt(independent_share(fitted))
     return _Forecast(motion[:, 0], change[..., :n], change[..., n:] / STEP, float(left))
 
 
 def _uncertain(fitted: Fitted) -> Array:
     """Return the principal directions (S, S), by rows, in which shared unknowns are uncertain, a standard deviation
     long."""
-    typical, share = fitted.problem.typical, max(independent_share(fitted), 1e-3)
+    typical, share = fitted.problem.typical, independent_share(fitted)
     information = reduced(fitted).information.sum(axis=0) * typical[:, None] * typical * share / fitted.scale**2
     size, vectors = np.linalg.eigh(information + np.eye(len(typical)) / REACH**2)
     found: Array = (vectors / np.sqrt(size)).T * typical

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 FEWEST = 6  # residuals of a channel that show its scale
 REST = 0.02  # fall of chi-square, in squared scales, below which an iteration gains nothing
 OPENINGS = (0.12, 0.35, 0.7, 1.0)  # shares of the time of growing fits, after the first samples
+UNCORRELATED = 0.1  # correlation below which residuals count as independent
+MOST = 0.98  # correlation that is believed
 
 
 @dataclass
@@ -129,15 +131,22 @@ def robust_scale(residuals: Array, columns: NDArray[np.int64]) -> float:
     return 1.4826 * max([float(np.median(o)) for o in own] or [float(np.median(np.abs(residuals)))])
 
 
+def independent_share(fitted: Fitted) -> float:
+    """Return the share (1 - phi) / (1 + phi) of held-out residuals that count as independent, by their lag-1
+    correlation phi."""
+    product = square = 0.0
+    for grid in fitted.grids:
+        grid = grid / max(float(np.sqrt(np.nanmean(grid**2))), 1e-300)  # no single run decides
+        both = grid[1:] * grid[:-1]
+        product += float(np.nansum(both))
+        square += float(np.nansum(grid[1:] ** 2 * np.isfinite(both)))
+    phi = float(np.clip(product / max(square, 1e-300), 0.0, MOST))
+    return (1.0 - phi) / (1.0 + phi) if phi > UNCORRELATED else 1.0
+
+
 def share_left(before: float, after: float) -> float:
     """Return the share of a gap beyond the noise that is left; before, after: errors in standard deviations of it."""
     return float(np.sqrt(max(after**2 - 1.0, 0.0)) / np.sqrt(max(before**2 - 1.0, 1e-12)))
-
-
-def weights(residuals: Array, threshold: float) -> Array:
-    """Return Huber's weights (m,) of residuals."""
-    found: Array = np.minimum(1.0, threshold / np.maximum(np.abs(residuals), 1e-300))
-    return found
 
 
 def _soften(problem: Problem, soft: float, scale: float, iterations: int) -> None:

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from polyworld.data.recording import Recording, Run
 from polyworld.edits.removal import without
 from polyworld.estimation.fit_settings import DescentSettings
-from polyworld.estimation.initial_state import StateMap, joined
 from polyworld.estimation.least_squares import Problem
+from polyworld.estimation.noise import RunNoise, run_noise
 from polyworld.estimation.problem import Block
-from polyworld.estimation.run_noise import RunNoise, run_noise
-from polyworld.estimation.run_readout import ObservedMotion, RunReadout, owner
+from polyworld.estimation.readout import ObservedMotion, RunReadout, owner
 from polyworld.estimation.states import state_coordinates
-from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.unknown import StateMap, Unknown, joined
 from polyworld.gap.hypothesis import Hypothesis
 from polyworld.gap.settings import GapSettings
 from polyworld.world import World

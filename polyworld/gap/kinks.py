@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
+from polyworld.estimation.linkage import is_held
 from polyworld.gap.conditions import Track, conditions, reach, touching, tracks
 from polyworld.world import World
 
@@ -57,12 +58,11 @@ def kinks(world: World, recording: Recording) -> tuple[Kink, ...]:
     they differ by SURE standard deviations and by JUMP of the typical speed. Bodies on joints have none; along an axis
     that was never measured nothing changes.
     """
-    held = {n for j in world.joints if j.kind != "spring" for n in (j.object, j.other)}
     speed = conditions(world, recording).speed
     everything = list(tracks(world, recording))
     found: list[Kink] = []
     for track in everything:
-        if track.name in held:
+        if is_held(world, track.name):
             continue
         others = [t for t in everything if t.run == track.run and t.name != track.name]
         unobserved = ~np.isfinite(track.places).any(axis=0)

@@ -1,20 +1,183 @@
-"""Say where the gap is: squared residuals over those of noise, by run, object, time, phase, place, speed and axis."""
+"""Say where the gap is: squared residuals over those of noise, by run, object, time, phase, place, speed and axis.
+
+A fit of the initial state spreads what is wrong late in a run over all of it. Recursive residuals (Brown, Durbin and
+Evans 1975, J. R. Stat. Soc. B 37, 149) are the errors of forecasting each instant from those before it alone: white,
+with unit variance, for as long as the model holds; they show when a run begins to differ.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.run_readout import CHANNELS, owner
+from polyworld.estimation.readout import CHANNELS, owner
 from polyworld.gap.fitting import Fitted
-from polyworld.gap.onset import Onset, onsets
-from polyworld.gap.phases import motions
+from polyworld.solver.rollout import simulator
+from polyworld.trajectory import Event
+from polyworld.trajectory.events import REST_SPEED, REST_SPIN
+from polyworld.world import World
+from polyworld.world.shapes import Sphere
 
 Array = NDArray[np.float64]
 Texts = NDArray[np.str_]
+
+AFTER = 0.1  # [s] that count as just after a collision
+LASTING = 0.05  # [s] from which on a contact is more than a collision
+GRIP = 0.05  # slip over speed, below which a ball rolls
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One recorded name in one run: positions (T, 3), speeds (T,) and phases (T,), as the fitted world has them."""
+
+    positions: Array
+    speeds: Array
+    phases: Texts
+
+
+def motions(fitted: Fitted, index: int) -> dict[str, Motion]:
+    """Return how the fitted world moves in one run, by recorded name."""
+    run, block = fitted.ground.recording.runs[index], fitted.problem.runs[index][0]
+    values = block.overrides(fitted.values[None], fitted.of_states()[index][None])
+    times = run.times - run.times[0] + run.lead
+    rolled = simulator(block.world, times, n_worlds=1, record_events=True, threads=1)
+    batch = rolled.run({p: v for p, v in values.items() if not p.startswith("observer.")} or None)
+    trajectory = batch.world(0)
+    rows = np.minimum(np.arange(len(times)), len(trajectory.times) - 1)  # beyond a divergence the last state stays
+    found = {}
+    for name in run.names:
+        i = trajectory.index(owner(name))
+        velocity, spin = trajectory.velocities[rows, i], trajectory.angular_velocities[rows, i]
+        phases = _phases(block.world, owner(name), times, velocity, spin, batch.events[0])
+        found[name] = Motion(trajectory.positions[rows, i], np.linalg.norm(velocity, axis=1), phases)
+    return found
+
+
+def _phases(world: World, name: str, times: Array, velocity: Array, spin: Array, events: Sequence[Event]) -> Texts:
+    speed = np.linalg.norm(velocity, axis=1)
+    slow = (speed < REST_SPEED) & (np.linalg.norm(spin, axis=1) < REST_SPIN)
+    contacts = _contacts(name, events, float(times[-1]))
+    touching = np.zeros(len(times), dtype=bool)
+    for begin, end in contacts:
+        if end - begin >= LASTING:
+            touching |= (times >= begin) & (times <= end)
+    if world.planar:  # it slides over the plane of motion
+        phases = np.full(len(times), "sliding", dtype="U24")
+    else:
+        phases = np.where(touching, _in_contact(world, name, velocity, spin, speed), "free").astype("U24")
+    for begin, _ in contacts:
+        phases[(times > begin) & (times <= begin + AFTER) & ~touching] = "just after a collision"
+    phases[slow & (touching | world.planar)] = "at rest"
+    return phases
+
+
+def _in_contact(world: World, name: str, velocity: Array, spin: Array, speed: Array) -> Texts:
+    """Return whether a ball slides or rolls; any other body touches."""
+    shape = getattr(world.item(name), "shape", None)
+    if not isinstance(shape, Sphere):
+        return np.full(len(speed), "touching", dtype="U24")
+    up = -np.asarray(world.environment.gravity)
+    up = up / max(float(np.linalg.norm(up)), 1e-12)
+    slip = velocity - np.cross(spin, shape.radius * up)
+    slip = slip - (slip @ up)[:, None] * up
+    rolls = np.linalg.norm(slip, axis=1) < GRIP * np.maximum(speed, REST_SPEED)
+    return np.where(rolls, "rolling", "sliding").astype("U24")
+
+
+def _contacts(name: str, events: Sequence[Event], last: float) -> list[tuple[float, float]]:
+    """Return begin and end [s] of every contact of an object."""
+    found: list[tuple[float, float]] = []
+    open_since: dict[tuple[str, ...], float] = {}
+    for e in events:
+        if name not in e.participants:
+            continue
+        if e.kind == "contact_begin":
+            open_since[e.participants] = e.time
+        elif e.kind == "contact_end" and e.participants in open_since:
+            found.append((open_since.pop(e.participants), e.time))
+    return found + [(begin, last) for begin in open_since.values()]
+
+
+PRIOR = 1e3  # ordinary changes of an initial state: next to nothing is known of it before the first sample
+ALARM = 5.0  # standard deviations by which the mean of a window is off once in a million windows of noise
+WINDOWS = (1 / 48, 1 / 24, 1 / 12, 1 / 6)  # their lengths, as shares of a series
+SHORTEST = 3  # samples of a window
+
+
+@dataclass(frozen=True)
+class Onset:
+    """From when on [s, since the run's start] an object's motion differs, in which run, and by how many standard
+    deviations the first window that shows it is off."""
+
+    run: str
+    name: str
+    time: float
+    strength: float
+
+    def to_json(self) -> dict[str, object]:
+        """Return the onset as plain data."""
+        return {"run": self.run, "object": self.name, "time": self.time, "strength": self.strength}
+
+
+def onsets(fitted: Fitted) -> tuple[Onset, ...]:
+    """Return the onset of every object that shows one in a run, earliest first; shared unknowns stay as fitted."""
+    found: dict[tuple[str, str], Onset] = {}
+    for r, (run, readout) in enumerate(zip(fitted.ground.recording.runs, fitted.ground.readouts, strict=True)):
+        one, rows, columns = fitted.slopes[r], readout.rows(), readout.columns()
+        errors = recursive_residuals(one.residuals, one.states, rows, fitted.problem.runs[r][0].states.typical)
+        times = run.times - run.times[0] + run.lead
+        for column in np.unique(columns).tolist():
+            own = columns == column
+            first = _first_alarm(times[rows[own]], errors[own])
+            name = run.names[column // CHANNELS]
+            known = found.get((run.name, name))
+            if first is not None and (known is None or first[0] < known.time):
+                found[run.name, name] = Onset(run.name, name, *first)
+    return tuple(sorted(found.values(), key=lambda o: (o.time, o.run, o.name)))
+
+
+def recursive_residuals(residuals: Array, slopes: Array, rows: NDArray[np.int64], typical: Array) -> Array:
+    """Return forecast errors (m,) of residuals (m,) in units of noise, each instant from all before it.
+
+    slopes (m, N): by the initial state, whose ordinary changes are typical (N,). rows (m,): the instant of each.
+    """
+    found = residuals.copy()
+    n = slopes.shape[1]
+    if not n:
+        return found
+    covariance, state = np.diag((PRIOR * typical) ** 2), np.zeros(n)
+    for entries in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(rows)) + 1):
+        h = slopes[entries]
+        gain = covariance @ h.T
+        spread = h @ gain + np.eye(len(entries))
+        error = residuals[entries] - h @ state
+        found[entries] = np.linalg.solve(np.linalg.cholesky(spread), error)
+        k = np.linalg.solve(spread, gain.T).T
+        state = state + k @ error
+        shrink = np.eye(n) - k @ h
+        covariance = shrink @ covariance @ shrink.T + k @ k.T  # Joseph's form stays positive
+    return found
+
+
+def _first_alarm(times: Array, errors: Array) -> tuple[float, float] | None:
+    """Return where the earliest window begins whose mean is too far off, and how far."""
+    total = np.concatenate([[0.0], np.cumsum(errors)])
+    found: list[tuple[int, int, float]] = []  # end, begin, standard deviations
+    for share in WINDOWS:
+        length = max(round(share * len(errors)), SHORTEST)
+        mean = np.abs(total[length:] - total[:-length]) / np.sqrt(length)
+        over = np.flatnonzero(mean > ALARM)
+        if len(over):
+            found.append((int(over[0]) + length, int(over[0]), float(mean[over[0]])))
+    if not found:
+        return None
+    _, begin, strength = min(found, key=lambda f: f[0])
+    return float(times[begin]), strength
+
 
 FACTORS = ("run", "object", "time", "phase", "region", "speed", "axis")
 PARTS = 6  # of every run's time

@@ -1,8 +1,8 @@
 """The gap workflow on one page: find where a world disagrees with measurements, name what is missing, and prove it.
 
-noise is measured before any model                                 estimation.run_noise
+noise is measured before any model                                 estimation.noise
 the base is fitted, plain laws alone and in pairs, then others     search, propose, fitting
-every hypothesis is judged by what it predicts of runs left out    held_out, choose
+every hypothesis is judged by what it predicts of runs left out    cross_validation, choose
 runs that no candidate predicts are set aside and named            set_aside
 the verdict: what bootstraps keep, what competes, what is closed   verdict
 sealed runs, which no step has seen, can only lower it             sealed

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.candidate import Candidate
-from polyworld.gap.fitting import Fitted
+from polyworld.gap.fitting import Fitted, independent_share
 from polyworld.gap.hypothesis import Hypothesis, extended, starts_of
 from polyworld.gap.propose import Projection
-from polyworld.gap.verdict import independent_share
 
 Array = NDArray[np.float64]
 

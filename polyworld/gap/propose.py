@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.least_squares import Point
+from polyworld.estimation.least_squares import huber_weights as weights
 from polyworld.gap.candidate import Candidate
-from polyworld.gap.fitting import Fitted, fit, weights
+from polyworld.gap.fitting import Fitted, fit
 from polyworld.gap.hypothesis import Hypothesis, extended, replace_starts, starts_of
 from polyworld.gap.kinks import kinks
 

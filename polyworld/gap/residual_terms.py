@@ -18,8 +18,7 @@ import numpy as np
 from polyworld.data.recording import Recording
 from polyworld.effects.conditions import Conditions
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.adding import free_name, with_parts
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.gap.candidate import Candidate, Variant, free_name, with_parts
 from polyworld.gap.conditions import conditions
 from polyworld.world import Effect, World
 
@@ -68,7 +67,7 @@ class Term:
 
     def candidate(self) -> Candidate:
         """Return the candidate that adds the term as an effect of its own."""
-        return Candidate(self.name, "force", self.text, self.direction, "", partial(_variants, self))
+        return Candidate(self.name, "force", self.text, partial(_variants, self))
 
 
 def _variants(term: Term, world: World, _: Recording) -> tuple[Variant]:

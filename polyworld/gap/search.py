@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from polyworld.gap.candidate import Candidate
 from polyworld.gap.choose import credible, equivalent, score
+from polyworld.gap.cross_validation import Fold, fold_counts, folds_of, predict_left_out
 from polyworld.gap.fitting import Fitted, fit
 from polyworld.gap.ground import Ground
-from polyworld.gap.held_out import Fold, fold_counts, folds_of, predict_left_out
 from polyworld.gap.hypothesis import Hypothesis
 from polyworld.gap.propose import Start, proposals
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from polyworld.data.recording import Run
 from polyworld.estimation.least_squares import Point
+from polyworld.gap.cross_validation import refit_states
 from polyworld.gap.fitting import Fitted, fit
 from polyworld.gap.ground import Ground
-from polyworld.gap.held_out import refit_states
 from polyworld.gap.hypothesis import Hypothesis
 
 Array = NDArray[np.float64]

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from polyworld.gap.choose import MOST, choose, credible, distinct, helped_folds, winners
-from polyworld.gap.fitting import Fitted, share_left
-from polyworld.gap.held_out import reduced
+from polyworld.gap.choose import choose, credible, distinct, helped, helped_folds, winners
+from polyworld.gap.cross_validation import reduced
+from polyworld.gap.fitting import Fitted, independent_share, share_left
 from polyworld.gap.hypothesis import Part
 
 Array = NDArray[np.float64]
@@ -107,7 +107,7 @@ def _in_one_run(part: Part, named: Fitted, trusted: Sequence[Fitted], null: Fitt
         return False
     without = named.hypothesis.key - {(part.candidate.name, part.variant.label)}
     less = next((f for f in trusted if f.hypothesis.key == without), null)
-    return int(np.sum(named.errors < 0.5 * (1.0 + ground.settings.halved) * less.errors)) == 1
+    return int(np.sum(helped(named, less))) == 1
 
 
 def _needed(named: Fitted, trusted: Sequence[Fitted], frequency: dict[str, float]) -> Fitted:
@@ -186,7 +186,7 @@ def intervals(fitted: Fitted, level: float = 0.95) -> Array:
     typical = fitted.problem.typical
     total = found.information.sum(axis=0) * typical[:, None] * typical
     inverse = np.linalg.pinv(total + 1e-12 * np.diag(np.diag(total) + 1e-12), rcond=1e-13, hermitian=True)
-    share = max(independent_share(fitted), 1e-3)
+    share = independent_share(fitted)
     variance = np.diag(inverse) * fitted.scale**2 / share
     half = float(norm.ppf(0.5 + 0.5 * level)) * np.sqrt(variance)
     if runs >= fitted.ground.settings.fewest_runs:
@@ -195,17 +195,6 @@ def intervals(fitted: Fitted, level: float = 0.95) -> Array:
         half = np.maximum(half, float(t.ppf(0.5 + 0.5 * level, runs - 1)) * np.sqrt(np.maximum(spread, 0.0)))
     half = half * typical
     return np.stack([fitted.values - half, fitted.values + half], axis=1)
-
-
-def independent_share(fitted: Fitted) -> float:
-    """Return the share of held-out residuals that count as independent, by their lag-1 correlation; 1 without any."""
-    product = square = 0.0
-    for grid in fitted.grids:
-        both = grid[1:] * grid[:-1]
-        product += float(np.nansum(both))
-        square += float(np.nansum(grid[1:] ** 2 * np.isfinite(both)))
-    phi = float(np.clip(product / max(square, 1e-300), 0.0, MOST))
-    return (1.0 - phi) / (1.0 + phi)
 
 
 def not_zero(fitted: Fitted) -> list[str]:

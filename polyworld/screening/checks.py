@@ -8,13 +8,12 @@ from polyworld.data.recording import Recording
 from polyworld.screening.clearance import penetration_findings
 from polyworld.screening.courses import course_findings, courses
 from polyworld.screening.finding import Finding
-from polyworld.screening.free_fall import common_fall
+from polyworld.screening.free_fall import common_fall, fall_findings
 from polyworld.screening.grid import at_rest, constant_findings, grid_findings, grid_steps
 from polyworld.screening.samples import sample_findings
 from polyworld.screening.settings import DEFAULT, ScreenSettings
 from polyworld.screening.time_stamps import counts_frames, repeat_findings, time_findings
 from polyworld.screening.tracks import tracks_of, with_noise
-from polyworld.screening.units import fall_findings
 from polyworld.world import World
 
 
@@ -66,7 +65,7 @@ def screen(world: World, recording: Recording, settings: ScreenSettings = DEFAUL
         *constant_findings(tracks, settings),
     ]
     if not found and not any(t.moves(settings.moved) for t in tracks):
-        found.append(at_rest(tracks))
+        found.append(at_rest())
     course_of = courses(runs, tracks, settings)
     found += course_findings(runs, course_of)
     found.sort(key=lambda f: f.severity != "refuse")

@@ -11,36 +11,14 @@ from polyworld.screening.finding import Finding, length, runs_listed
 from polyworld.screening.settings import ScreenSettings
 from polyworld.screening.tracks import Track
 from polyworld.world import StaticObject, World, geometry
-from polyworld.world.distances import distance_to_static
+from polyworld.world.distances import distance_to_static, signed_distance
 from polyworld.world.representations.rigid import RigidObject
-from polyworld.world.shapes import BodyShape, Box, Capsule, Compound, ConvexMesh, Cylinder, Plane, Sphere, Wall
+from polyworld.world.shapes import BodyShape, Box, Capsule, Compound, Cylinder, Plane, Sphere
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 ACROSS = 1e-9  # component of a plane's normal below which the position along that axis does not matter
-
-
-def signed_distance(static: StaticObject, points: Array) -> Array | None:
-    """Return the distance (T,) [m] of points (T, 3) from a surface, negative inside; None for posts and open meshes."""
-    local = (points - np.asarray(static.position)) @ geometry.quaternion_matrix(np.asarray(static.orientation))
-    shape = static.shape
-    if isinstance(shape, Plane):
-        height: Array = local @ np.asarray(shape.normal) / np.linalg.norm(shape.normal) - shape.offset
-        return height
-    if isinstance(shape, Wall):
-        box, centre, turn = geometry.wall_box(shape)
-        return _to_corner(np.abs((local - centre) @ turn) - np.asarray(box.half_extents))
-    if isinstance(shape, Box):
-        return _to_corner(np.abs(local) - np.asarray(shape.half_extents))
-    if isinstance(shape, Sphere):
-        return np.asarray(np.linalg.norm(local, axis=1) - shape.radius)
-    if isinstance(shape, ConvexMesh):
-        solid = geometry.hull(shape)
-        normals = np.asarray(solid.face_normals)
-        offsets = np.einsum("fk,fk->f", normals, np.asarray(solid.triangles_center))
-        return np.asarray((local @ normals.T - offsets).max(axis=1))
-    return None
 
 
 def plane_normal(static: StaticObject) -> Array | None:
@@ -49,13 +27,6 @@ def plane_normal(static: StaticObject) -> Array | None:
         return None
     normal = np.asarray(static.shape.normal) / np.linalg.norm(static.shape.normal)
     return np.asarray(geometry.quaternion_matrix(np.asarray(static.orientation)) @ normal)
-
-
-def _to_corner(beyond: Array) -> Array:
-    """Distance from how far points (T, d) lie beyond each pair of faces: exact outside and inside."""
-    outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-    distance: Array = np.where(outside > 0.0, outside, beyond.max(axis=1))
-    return distance
 
 
 def inner_radius(world: World, item: RigidObject) -> float:
@@ -167,6 +138,5 @@ def penetration_findings(world: World, tracks: Sequence[Track], settings: Screen
                 f"{runs_listed(runs)}: check its size, the place of {static.name}, and the axes and the origin of the "
                 "data, and correct whichever is wrong."
             )
-            figures = {"depth": depth, "samples": count, "share": count / total}
-            found.append(Finding.of("penetration", "caution", sentence, runs, **figures))
+            found.append(Finding("penetration", "caution", sentence))
     return found

@@ -57,7 +57,7 @@ def course_findings(runs: Sequence[str], course_of: Sequence[int]) -> list[Findi
         "object go together, so that effects that depend on different ones of them may be indistinguishable from these "
         "data: add runs from other places, at other speeds or in other directions."
     )
-    return [Finding.of("one_course", "caution", sentence, runs, distinct_courses=1)]
+    return [Finding("one_course", "caution", sentence)]
 
 
 class _Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 Severity = Literal["refuse", "caution"]
@@ -17,20 +17,12 @@ class Finding:
     """A reason to doubt a recording before anything is fitted to it.
 
     kind: name of the check. severity: `refuse` where going on is all but certainly a waste of time, else `caution`.
-    message: one sentence with what seems wrong and what to do or to state otherwise. runs: names of the runs concerned.
-    figures: the numbers behind the message, SI.
+    message: one sentence with what seems wrong and what to do or to state otherwise.
     """
 
     kind: str
     severity: Severity
     message: str
-    runs: tuple[str, ...] = ()
-    figures: dict[str, float] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, kind: str, severity: Severity, message: str, runs: Iterable[str], **figures: float) -> Finding:
-        """Return a finding on runs, each named once."""
-        return cls(kind, severity, message, tuple(dict.fromkeys(runs)), {k: float(v) for k, v in figures.items()})
 
 
 def listed(names: Iterable[str]) -> str:

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.noise import noise_level
 from polyworld.screening.finding import Finding, length, listed, runs_listed
 from polyworld.screening.settings import DEFAULT, ScreenSettings
-from polyworld.screening.tracks import Track, last_digit, scatter
+from polyworld.screening.tracks import Track, last_digit
 
 Array = NDArray[np.float64]
 
@@ -37,7 +38,7 @@ def grid_steps(tracks: Sequence[Track], settings: ScreenSettings) -> dict[tuple[
             step = grid_step(values, np.concatenate([np.diff(c) for c in columns]), settings)
             if not step > settings.resolved * extent:
                 continue
-            levels = [scatter(t.times, t.places[:, axis : axis + 1])[0] for t in own]
+            levels = [noise_level(t.times, t.places[:, axis]) for t in own]
             noise = float(np.nanmedian(levels)) if np.isfinite(levels).any() else 0.0
             if step / np.sqrt(12.0) > settings.rounding_share * noise:
                 found[name, axis] = step
@@ -106,8 +107,7 @@ def grid_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list[Fin
             f"{length(step / np.sqrt(12.0))}) is not independent from sample to sample: track centres to a fraction of "
             "a pixel, or leave out samples until the object moves by a pixel between them."
         )
-        figures = {"quantum": step, "noise": step / np.sqrt(12.0), "motion_per_sample": least}
-        found.append(Finding.of("quantised", "caution", sentence, (t.run for t in own), **figures))
+        found.append(Finding("quantised", "caution", sentence))
     return found
 
 
@@ -119,13 +119,13 @@ def _motion(track: Track, axis: int, step: float) -> Array:
     return np.asarray(moved[moved > 0.5 * step] / stride)
 
 
-def at_rest(tracks: Sequence[Track]) -> Finding:
+def at_rest() -> Finding:
     """Return the caution that nothing moves by more than the noise."""
     sentence = (
         "No object moves by more than the noise of its track in any run, so that there is no motion to explain: check "
         "the tracks, or add runs with motion."
     )
-    return Finding.of("at_rest", "caution", sentence, (t.run for t in tracks), tracks=len(tracks))
+    return Finding("at_rest", "caution", sentence)
 
 
 def constant_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list[Finding]:
@@ -139,7 +139,7 @@ def constant_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list
             "All positions are the same to the last digit in all samples of each run, so that there is no motion to "
             "explain: check the tracks."
         )
-        return [Finding.of("constant", "refuse", sentence, (t.run for t in tracks), tracks=len(still))]
+        return [Finding("constant", "refuse", sentence)]
     others = [t for t in tracks if t.range.any()]
     noisy = any(np.any(t.noise > settings.resolved * t.range.max()) for t in others)
     if not noisy or any(np.any(t.quantum > 0.0) for t in others):
@@ -153,5 +153,5 @@ def constant_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list
             "scatter, so that the tracker may be stuck: leave the object out of the data there, or make it a static of "
             "the world if it never moves."
         )
-        found.append(Finding.of("constant", "caution", sentence, own, tracks=len(own)))
+        found.append(Finding("constant", "caution", sentence))
     return found

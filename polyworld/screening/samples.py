@@ -36,7 +36,7 @@ def sample_findings(
             f"The recording holds {measured} measured numbers, no more than the {states} unknown positions and "
             "velocities at the starts of its runs, so that nothing is left to test an effect with: add samples."
         )
-        return [Finding.of("few_samples", "refuse", sentence, names, measured=measured, states=states)]
+        return [Finding("few_samples", "refuse", sentence)]
     short = [t for t in tracks if len(t.times) < settings.few_samples and t.moves(settings.moved)]
     if short:
         least = min(len(t.times) for t in short)
@@ -45,13 +45,13 @@ def sample_findings(
             f"{runs_listed(t.run for t in short)} (the least: {least}), of which the start takes up two per axis, so "
             "that noise and motion can hardly be separated there: sample faster or longer."
         )
-        found.append(Finding.of("few_samples", "caution", sentence, (t.run for t in short), least=least))
+        found.append(Finding("few_samples", "caution", sentence))
     if len(names) == 1:
         sentence = (
             f"There is a single run, {names[0]}, so that no result can be tested on a run that was not fitted: add "
             "at least one more, better several from different starts."
         )
-        found.append(Finding.of("single_run", "caution", sentence, names, count=1))
+        found.append(Finding("single_run", "caution", sentence))
     coarse = _jumping(world, tracks, settings) or (_hopping(world, tracks, settings) if scaled else [])
     return found + (coarse or _weak(world, tracks, settings))
 
@@ -86,7 +86,7 @@ def _weak(world: World, tracks: Sequence[Track], settings: ScreenSettings) -> li
         f"{100.0 * min(error / usual, 99.0):.0f}% of what bodies have, so that ordinary effects cannot be seen: record "
         "longer runs, more of them, or with less noise."
     )
-    return [Finding.of("noisy", "caution", sentence, (t.run for t in tracks), error=error, ordinary=usual)]
+    return [Finding("noisy", "caution", sentence)]
 
 
 def _jumping(world: World, tracks: Sequence[Track], settings: ScreenSettings) -> list[Finding]:
@@ -99,7 +99,7 @@ def _jumping(world: World, tracks: Sequence[Track], settings: ScreenSettings) ->
         "to sample over much of their whole range: sample faster, or, if the object rests there, correct tracks that "
         "are this noisy."
     )
-    return [Finding.of("coarse_sampling", "caution", sentence, (t.run for t in jumping), tracks=len(jumping))]
+    return [Finding("coarse_sampling", "caution", sentence)]
 
 
 def _hopping(world: World, tracks: Sequence[Track], settings: ScreenSettings) -> list[Finding]:
@@ -118,9 +118,7 @@ def _hopping(world: World, tracks: Sequence[Track], settings: ScreenSettings) ->
         f"shorter than the {interval:.3g} s between samples (heights below {length(height)}), so that contacts "
         "are missed: sample faster, or end the runs before."
     )
-    samples = sum(count for _, count in hopping)
-    runs = (t.run for t, _ in hopping)
-    return [Finding.of("coarse_sampling", "caution", sentence, runs, interval=interval, samples=samples)]
+    return [Finding("coarse_sampling", "caution", sentence)]
 
 
 def _independent(world: World, track: Track, settings: ScreenSettings) -> bool:

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.noise import noise_levels
 from polyworld.screening.finding import Finding, length, runs_listed
 from polyworld.screening.settings import DEFAULT, ScreenSettings
-from polyworld.screening.tracks import Track, last_digit, scatter
+from polyworld.screening.tracks import Track, last_digit
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -38,7 +39,7 @@ def time_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list[Fin
             "Times are 0, 1, 2, ... and look like frame numbers, not seconds: call their column frame and give the "
             "frames per second with --fps, unless there really is a second between samples."
         )
-        return [Finding.of("frame_numbers", "caution", sentence, (t.run for t in tracks), interval=1)]
+        return [Finding("frame_numbers", "caution", sentence)]
     moving = [t for t in tracks if t.moves(settings.moved) and len(t.times) >= settings.few_samples]
     interval = float(np.median([t.interval for t in moving])) if moving else 0.0
     if interval > settings.slow and (rate := usual_rate(1000.0 / interval, settings.same_rate)) is not None:
@@ -46,8 +47,7 @@ def time_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list[Fin
             f"There are {interval:.4g} s between samples, which would be {rate:.4g} frames per second if times were "
             "milliseconds: state --units ms, unless they are seconds."
         )
-        runs = (t.run for t in tracks)
-        return [Finding.of("milliseconds", "caution", sentence, runs, interval=interval, rate=rate)]
+        return [Finding("milliseconds", "caution", sentence)]
     return _rounded(moving, settings) or _irregular(moving, settings)
 
 
@@ -75,8 +75,7 @@ def _rounded(tracks: Sequence[Track], settings: ScreenSettings) -> list[Finding]
         f"positions by {length(worst)} and is a large part of the noise: write times with more digits, or number "
         f"the frames in a column frame and give --fps {1.0 / regular:.4g}."
     )
-    figures = {"rounding": digit, "error": worst, "rate": 1.0 / regular}
-    return [Finding.of("rounded_times", "caution", sentence, concerned, **figures)]
+    return [Finding("rounded_times", "caution", sentence)]
 
 
 def _irregular(tracks: Sequence[Track], settings: ScreenSettings) -> list[Finding]:
@@ -95,7 +94,7 @@ def _irregular(tracks: Sequence[Track], settings: ScreenSettings) -> list[Findin
         "median interval): if the camera ran at a constant rate, number the frames in a column frame and give the rate "
         "with --fps; if the times are right, nothing has to be done."
     )
-    return [Finding.of("irregular_times", "caution", sentence, concerned, share=share)]
+    return [Finding("irregular_times", "caution", sentence)]
 
 
 def repeated_rows(
@@ -122,7 +121,7 @@ def repeated_rows(
     rounding = np.broadcast_to(np.asarray(quantum, dtype=float), values.shape[1:])
     pixel = 0.0 if np.any(rounding > 0.0) else _uneven_step(values[first], np.diff(np.append(first, m)), settings)
     # Without a grid, equal rows are no accident of the noise.
-    noise = np.nan_to_num(scatter(times[first], values[first]))
+    noise = np.nan_to_num(noise_levels(times[first], values[first]))
     margin = np.where(rounding > 0.0, rounding + 3.0 * np.sqrt(np.maximum(noise**2 - rounding**2 / 12.0, 0.0)), 0.0)
     group = np.cumsum(np.concatenate([[True], ~equal])) - 1
     for row in np.flatnonzero(equal) + 1:
@@ -160,4 +159,4 @@ def repeat_findings(tracks: Sequence[Track], settings: ScreenSettings) -> list[F
         f"In {runs_listed(concerned)}, {count} of {rows} rows repeat the row before while the object moves, as where a "
         "clip shows frames twice: leave the repeated frames out, or read the clip at the rate at which it was filmed."
     )
-    return [Finding.of("repeated_rows", "caution", sentence, concerned, repeated=count, share=count / rows)]
+    return [Finding("repeated_rows", "caution", sentence)]

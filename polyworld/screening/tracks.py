@@ -9,15 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.noise import noise_levels
 from polyworld.data.recording import Recording, Run
 
 Array = NDArray[np.float64]
 
-SQUARES = 20.0  # of the weights 1, -3, 3, -1 of a third difference, which higher orders are scaled to
-NORMAL = 0.6745  # median absolute value of a standard normal variable
-LOWEST, HIGHEST = 3, 9  # orders of differences from which noise is read
-FALLING = 0.3  # ratio of variances, order to order, below which the lower one was motion: noise keeps 0.9 to 1
-FEWEST, ENOUGH = 4, 8  # differences that a first estimate needs, and one of higher order
 LAST_DIGIT = 1e-6  # of a last digit: what reading and scaling a number in double precision may be off by
 EXACT = 1e-9  # least noise as a part of the range: rounding of floating-point numbers
 
@@ -83,7 +79,7 @@ def with_noise(tracks: Sequence[Track], recording: Recording, quantum: dict[tupl
     stated: dict[str, Run] = {run.name: run for run in recording.runs}
     ranges: dict[str, float] = {}
     for track in tracks:
-        own = scatter(track.times, track.places)
+        own = noise_levels(track.times, track.places)
         ranges[track.object] = max(ranges.get(track.object, 0.0), float(track.range.max()))
         for axis in range(3):
             if np.isfinite(own[axis]):
@@ -109,56 +105,3 @@ def last_digit(values: Array, decimals: int, error: float = LAST_DIGIT) -> float
         if np.all(np.abs(scaled - np.round(scaled)) < error * np.maximum(1.0, 1e-9 * np.abs(scaled))):
             return float(10.0**-count)
     return 0.0
-
-
-def scatter(times: Array, values: Array) -> Array:
-    """Estimate the standard deviations (c,) of white noise on smooth series (m, c), NaN where m is below 7.
-
-    From the median absolute divided difference of third order, in which a smooth motion nearly vanishes, and of higher
-    orders as long as they fall: then the lower one held motion. Series with missing values are read without them.
-    """
-    count = values.shape[1]
-    noise = np.full(count, np.nan)
-    seen = np.isfinite(values)
-    for column in range(count):
-        if np.isfinite(noise[column]) or not seen[:, column].any():
-            continue
-        alike = np.flatnonzero(np.all(seen == seen[:, column : column + 1], axis=0))
-        rows = seen[:, column]
-        noise[alike] = _scatter(times[rows], values[rows][:, alike])
-    return noise
-
-
-def _scatter(times: Array, values: Array) -> Array:
-    first = _differences(times, values, LOWEST)
-    if len(first) < FEWEST:
-        return np.full(values.shape[1], np.nan)
-    level = np.median(np.abs(first), axis=0)
-    falling = np.ones(values.shape[1], dtype=bool)
-    for order in range(LOWEST + 1, HIGHEST + 1):
-        higher = _differences(times, values, order)
-        if len(higher) < ENOUGH:
-            break
-        new = np.median(np.abs(higher), axis=0)
-        falling &= (new > 0.0) & (new**2 < FALLING * level**2)
-        if not falling.any():
-            break
-        level = np.where(falling, new, level)
-    result: Array = level / NORMAL / np.sqrt(SQUARES)
-    return result
-
-
-def _differences(times: Array, values: Array, order: int) -> Array:
-    """Divided differences (n, c) of an order, scaled to the noise of third ones; none across gaps."""
-    n = len(times) - order
-    if n <= 0:
-        return np.empty((0, values.shape[1]))
-    t = np.lib.stride_tricks.sliding_window_view(times, order + 1)
-    gaps = t[:, :, None] - t[:, None, :]
-    gaps[:, np.arange(order + 1), np.arange(order + 1)] = 1.0
-    weights = 1.0 / (gaps / np.median(np.diff(times))).prod(axis=2)
-    weights *= np.sqrt(SQUARES / (weights**2).sum(axis=1))[:, None]
-    whole = t[:, -1] - t[:, 0] < 1.5 * order * np.median(np.diff(times))
-    windows = np.lib.stride_tricks.sliding_window_view(values, order + 1, axis=0)  # (n, c, order + 1)
-    found: Array = np.einsum("nk,nck->nc", weights, windows)[whole]
-    return found

@@ -102,6 +102,23 @@ class Trajectory:
             deformables={name: motion.select(rows) for name, motion in self.deformables.items()},
         )
 
+    def batch(self) -> BatchTrajectory:
+        """Return the same as the motion of a single world."""
+        return BatchTrajectory(
+            names=self.names,
+            times=self.times[None],
+            positions=self.positions[None],
+            orientations=self.orientations[None],
+            velocities=self.velocities[None],
+            angular_velocities=self.angular_velocities[None],
+            active=self.active,
+            diverged=np.zeros(1, dtype=bool),
+            diverged_time=np.full(1, np.nan),
+            diverged_object=np.full(1, -1, dtype=np.int64),
+            events=((),),
+            deformables={name: motion.select(None) for name, motion in self.deformables.items()},
+        )
+
 
 @dataclass(frozen=True)
 class Truncation:

@@ -10,10 +10,11 @@ import numpy as np
 
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.accuracy import accuracy
-from polyworld.estimation.fit import FitOptions, Method, StudyFit, fit
-from polyworld.estimation.study import of_one
+from polyworld.estimation.fit import FitOptions, fit
+from polyworld.estimation.fitted import Method, StudyFit
 from polyworld.solver.rollout import simulator
 from polyworld.world import World
+from tests.polyworld.synthetic import of_one
 from tests.scenes.clevrer_data import Collision
 from tests.scenes.clevrer_events import EventScore, score_collisions, simulated_collisions
 

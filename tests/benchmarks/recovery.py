@@ -11,7 +11,7 @@ import argparse
 import time
 
 from polyworld.estimation.fit import FitOptions, fit
-from polyworld.estimation.study import of_one
+from tests.polyworld.synthetic import of_one
 from tests.scenes.material_parameters import scenes
 
 

@@ -24,8 +24,9 @@ import numpy as np
 
 from polyworld.data.tracks import ObservedTracks
 from polyworld.edits.removal import without
-from polyworld.estimation.fit import FitOptions, FittedRun, fit
+from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.fit_settings import FitSettings, LinkSettings
+from polyworld.estimation.fitted import FittedRun
 from polyworld.estimation.study import Study, StudyRun
 from polyworld.solver.rollout import simulator
 from polyworld.world import Environment, MotionPlane, TimeBase, World

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.tracks import ObservedTracks
+from polyworld.estimation.study import Study, StudyRun
 from polyworld.trajectory import Event, PointMotion, Rollout, Trajectory
 from polyworld.trajectory.events import all_events
 from polyworld.world import World
@@ -65,3 +67,8 @@ def camera_above(
         "rotation": ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
         "translation": (0.0, 0.0, height),
     }
+
+
+def of_one(world: World, tracks: ObservedTracks) -> Study:
+    """Return the study of a single run."""
+    return Study((StudyRun("run", world, tracks),))

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from polyworld.data.recording import Recording
-from polyworld.gap.adding import by_value, of_path, one_start
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.gap.candidate import Candidate, Variant, by_value, of_path, one_start
 from polyworld.gap.conditions import conditions
 from polyworld.world import World
 from polyworld.world.parameters import read_parameter
@@ -93,42 +92,21 @@ CANDIDATES = (
         name="restitution_error",
         group="base",
         law="v_n' = -e' v_n at impacts, another e' than the world's",
-        signature="residual that begins at an impact and grows linearly; the same share of every rebound",
-        reference="Newton, Principia, axioms, scholium to corollary 6",
         variants=_restitution,
         plain=True,
-        confused_with={
-            "restitution_speed": "drops from different heights",
-            "linear_drag": "the residual between impacts",
-        },
     ),
     Candidate(
         name="friction_error",
         group="base",
         law="|F_t| <= mu' F_n, another mu' than the world's",
-        signature="deceleration while sliding that does not depend on the speed, or an impulse along an oblique impact",
-        reference="Coulomb (1785), Theorie des machines simples",
         variants=_friction,
         plain=True,
-        confused_with={
-            "rolling_resistance": "the spin: a rolling body keeps its speed but for rolling resistance",
-            "viscous_friction": "sliding at several speeds",
-            "bounce_friction": "impacts at several angles, and the spin after them",
-            "gravity_error": "motion that gravity drives, not only presses",
-        },
     ),
     Candidate(
         name="rolling_resistance",
         group="base",
         law="M = b F_n against rolling",
-        signature="a rolling body that slows down evenly although it does not slip",
-        reference="Coulomb (1785); Johnson, Contact Mechanics, 9.1",
         variants=_rolling,
         plain=True,
-        confused_with={
-            "friction_error": "the spin, or the motion before and after rolling sets in",
-            "viscous_friction": "rolling at several speeds",
-            "linear_drag": "rolling at several speeds: this deceleration is even",
-        },
     ),
 )

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polyworld.data.recording import Recording
-from polyworld.gap.adding import by_value, one_start
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.gap.candidate import Candidate, Variant, by_value, one_start
 from polyworld.world import World
 from polyworld.world.materials import Form, material_of
 
@@ -82,76 +81,55 @@ CANDIDATES = (
         name="material_damping",
         group="material",
         law="stress = C (strain + tau strain rate)",
-        signature="vibrations of the shape that last too long, or too short; the motion as a whole is right",
-        reference="Kelvin & Voigt; Landau & Lifshitz, Theory of Elasticity, 34",
         variants=_of(
             Field("stretch_damping", ROPES | CLOTH, 0.01, "of stretching"),
             Field("bending_damping", ROPES | CLOTH, 0.01, "of bending"),
             Field("damping", SOFT, 0.01, "of soft bodies"),
         ),
-        confused_with={"air_drag": "the motion as a whole: inner damping leaves it alone"},
     ),
     Candidate(
         name="air_drag",
         group="material",
         law="dv/dt = -c v of ropes and soft bodies; rho C_n v_n^2 / 2 per area of cloth",
-        signature="fall and swing too fast, and for too long",
-        reference="Batchelor, An Introduction to Fluid Dynamics, 5.11",
         variants=_of(
             Field("linear_damping", ROPES, 0.1, "of ropes"),
             Field("linear_damping", SOFT, 0.1, "of soft bodies"),
             Field("drag_normal", CLOTH, 1.0, "across the sheet"),
             Field("drag_tangential", CLOTH, 0.05, "along the sheet"),
         ),
-        confused_with={"material_damping": "the motion as a whole", "wind": "opposite headings"},
     ),
     Candidate(
         name="bending_stiffness",
         group="material",
         law="moment = EI curvature; D curvature per width of a sheet",
-        signature="curves too tight, or too wide; short waves too slow or too fast",
-        reference="Landau & Lifshitz, Theory of Elasticity, 11 and 17",
         variants=_bending,
-        confused_with={"stretch_stiffness": "lengths: bending keeps them"},
     ),
     Candidate(
         name="stretch_stiffness",
         group="material",
         law="tension = EA strain; stress = E strain",
-        signature="sags too far or too little; bounces along its length too slowly or too fast",
-        reference="Hooke (1678); Landau & Lifshitz, Theory of Elasticity, 5",
         variants=_of(
             Field("stretch_stiffness", ROPES, 1e3, "of ropes"),
             Field("stretch_stiffness", CLOTH, 100.0, "of cloth"),
             Field("youngs_modulus", SOFT, 1e4, "of soft bodies"),
         ),
-        confused_with={"bending_stiffness": "lengths", "gravity_error": "free fall"},
     ),
     Candidate(
         name="viscosity",
         group="material",
         law="stress = mu (grad v + grad v^T)",
-        signature="spreads or comes to rest too fast or too slowly",
-        reference="Stokes (1845); Batchelor, An Introduction to Fluid Dynamics, 3.3",
         variants=_of(Field("viscosity", FLUIDS, 1e-3)),
-        confused_with={"source_rate": "the volume there is at the end"},
     ),
     Candidate(
         name="surface_tension",
         group="material",
         law="pressure jump = sigma curvature",
-        signature="small drops and thin jets that should draw together, or do so too much",
-        reference="Laplace (1806); Batchelor, An Introduction to Fluid Dynamics, 1.9",
         variants=_of(Field("surface_tension", FLUIDS, 0.02)),
-        confused_with={"viscosity": "fluid at rest: only tension acts there"},
     ),
     Candidate(
         name="source_rate",
         group="material",
         law="volume per time of emitters",
-        signature="more, or less, fluid than there should be, growing evenly while a source runs",
-        reference="conservation of volume",
         variants=_source,
-        confused_with={"viscosity": "the volume there is at the end"},
     ),
 )

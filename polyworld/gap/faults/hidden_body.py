@@ -11,8 +11,7 @@ from polyworld.data.recording import Recording
 from polyworld.effects.absence import coordinates
 from polyworld.effects.conditions import Conditions
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.adding import free_name, of_path, with_parts
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.gap.candidate import Candidate, Variant, free_name, of_path, with_parts
 from polyworld.gap.conditions import conditions, reach
 from polyworld.gap.kinks import Kink, kinks
 from polyworld.world import StaticObject, World, geometry
@@ -139,10 +138,7 @@ CANDIDATES = (
         name="hidden_body",
         group="structure",
         law="a ball, as large as what strikes it, at rest until it is struck",
-        signature="a sudden change of one body's velocity where nothing is seen",
-        reference="Newton's law of impact between two bodies",
         variants=_body,
         local=True,
-        confused_with={"hidden_wall": "hits at several places", "fan": "the sharpness of the change"},
     ),
 )

@@ -17,8 +17,7 @@ from scipy.spatial.transform import Rotation
 from polyworld.data.recording import Recording
 from polyworld.effects.conditions import Conditions
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.adding import free_name, of_path, with_parts
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.gap.candidate import Candidate, Variant, free_name, of_path, with_parts
 from polyworld.gap.conditions import conditions, reach, tracks
 from polyworld.gap.kinks import Kink, kinks
 from polyworld.world import StaticObject, World, geometry
@@ -275,13 +274,7 @@ CANDIDATES = (
         name="hidden_wall",
         group="structure",
         law="a plane that bodies rebound from",
-        signature="paths that turn back at one plane where nothing is seen",
-        reference="Newton's law of impact at a fixed plane",
         variants=_wall,
         local=True,
-        confused_with={
-            "hidden_body": "hits at several places: a wall turns all back along one line",
-            "tether": "the sharpness of the turn, and its shape: a tether's is a circle",
-        },
     ),
 )

@@ -9,8 +9,7 @@ import numpy as np
 from polyworld.data.recording import Recording
 from polyworld.effects.absence import WIDE
 from polyworld.effects.conditions import SHARE, Conditions
-from polyworld.gap.adding import of_path, one_start, with_parts
-from polyworld.gap.candidate import Candidate, Variant
+from polyworld.gap.candidate import Candidate, Variant, of_path, one_start, with_parts
 from polyworld.gap.conditions import conditions, moment_arm
 from polyworld.world import World
 from polyworld.world.parameters import parameter_paths
@@ -96,44 +95,26 @@ CANDIDATES = (
         name="joint_friction",
         group="joint",
         law="|torque| <= T against the joint's motion",
-        signature="swings that shrink by the same angle each time, and stop",
-        reference="Coulomb (1785); Lorenz (1924), on the damping of pendulums by dry friction",
         variants=_friction,
         plain=True,
-        confused_with={
-            "joint_damping": "large and small swings: damping takes the same share, friction the same amount"
-        },
     ),
     Candidate(
         name="joint_damping",
         group="joint",
         law="torque = -c rate",
-        signature="swings that shrink by the same share each time",
-        reference="Landau & Lifshitz, Mechanics, 25",
         variants=_damping,
         plain=True,
-        confused_with={
-            "joint_friction": "large and small swings",
-            "linear_drag": "one body on joints of two lengths",
-            "quadratic_drag": "large and small swings: the share it takes falls with the swing",
-        },
     ),
     Candidate(
         name="motor",
         group="joint",
         law="a constant torque or force along a joint's motion",
-        signature="swings about another middle, or a turn that gets faster",
-        reference="Newton's second law for rotation",
         variants=_motor,
-        confused_with={"tilt": "a joint turned the other way: tilt pulls as gravity does, on all bodies"},
     ),
     Candidate(
         name="actuator_delay",
         group="joint",
         law="a motor acts at t - d as commanded for t",
-        signature="the motion of driven bodies comes late by the same time, others' does not",
-        reference="Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, 5.6: pure time delay",
         variants=_delay,
-        confused_with={"observer_time_offset": "bodies that no motor drives"},
     ),
 )

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
-from polyworld.gap.adding import one_start
-from polyworld.gap.candidate import Candidate, Variant
-from polyworld.gap.faults.observer_scale_and_time import measured_axes, observed, of_observer
+from polyworld.gap.candidate import Candidate, Variant, one_start
+from polyworld.gap.faults.observer_frame import measured_axes, observed, of_observer
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -100,26 +99,12 @@ CANDIDATES = (
         name="observer_distortion",
         group="observer",
         law="x_seen = centre + (x - centre) (1 + k r^2)",
-        signature="residuals depend on place alone and grow with the cube of the distance from a centre",
-        reference="Brown, Photogrammetric Engineering 37 (1971) 855; Zhang, IEEE PAMI 22 (2000) 1330",
         variants=_distortion,
-        confused_with={
-            "spring": "a static grid, or one place passed at different speeds: distortion does not depend on speed",
-            "central_force": "a static grid, or one place passed at different speeds",
-            "observer_scale": "motion near the centre and far from it",
-        },
     ),
     Candidate(
         name="observer_keystone",
         group="observer",
         law="x_seen = centre + (x - centre) / (1 + p . (x - centre))",
-        signature="residuals depend on place alone: lengths are too short at one end and too long at the other",
-        reference="Hartley & Zisserman, Multiple View Geometry (2004), ch. 2",
         variants=_keystone,
-        confused_with={
-            "gravity_error": "motion on both sides of the middle: accelerations are wrong by opposite shares",
-            "quadratic_drag": "bodies of other mass or size in the same place, or one place passed at another speed",
-            "observer_distortion": "motion on both sides of the middle: distortion is the same on both",
-        },
     ),
 )

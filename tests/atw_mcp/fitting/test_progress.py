@@ -10,7 +10,7 @@ import pytest
 from atw_mcp.calls.error_curve import MOST_POINTS, ErrorCurve, in_words
 from atw_mcp.calls.jobs import Progress
 from atw_mcp.fitting.fitting import FitInput, FitRequest, FitRun, digest, run_fit
-from polyworld.estimation.fit import Method
+from polyworld.estimation.fitted import Method
 from tests.polyworld.estimation.closed_form import observe, thrown_ball
 
 LINE = re.compile(r"(generation \d+ of 6|fitting [a-z ]+), misfit [\d.e+]+ sigma")

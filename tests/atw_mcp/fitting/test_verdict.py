@@ -11,12 +11,13 @@ from atw_mcp.fitting.verdict import SETTINGS, BodyFit, FitVerdict, chance_of_wro
 from atw_mcp.probing.ensemble_answers import query_answer, query_in_words
 from atw_mcp.probing.ensembles import Ensemble
 from polyworld.estimation.accuracy import errors
-from polyworld.estimation.fit import FitOptions, FittedRun, fit
-from polyworld.estimation.readout import observed_entries
-from polyworld.estimation.study import of_one
+from polyworld.estimation.fit import FitOptions, fit
+from polyworld.estimation.fitted import FittedRun
+from polyworld.estimation.readout import tracks_readout
 from polyworld.estimation.unknown import Unknown
 from polyworld.probing.query import QueryResult
 from tests.polyworld.estimation.closed_form import ClosedForm, observe, thrown_ball
+from tests.polyworld.synthetic import of_one
 
 RADIUS, SIGMA = 0.1, 0.01  # [m]
 
@@ -117,12 +118,12 @@ def test_errors_along_the_line_of_sight_count_by_what_is_known_there() -> None:
     spread[::3] = 0.0
     uneven = replace(tracks, position_spread=spread)
     batch = ClosedForm(world, uneven.times, n_worlds=1).run()
-    (position, *_) = observed_entries(world, uneven)
-    found = (position.standardised(batch, len(uneven.times))[0] ** 2).sum(axis=1)
+    readout = tracks_readout(world, uneven)
+    found = (readout.standardised(batch, len(uneven.times))[0, :, :3] ** 2).sum(axis=1)
     apart = batch.positions[0, :, 0] - tracks.positions[:, 0]
     covariance = SIGMA**2 * np.eye(3) + spread[:, 0, :, None] * spread[:, 0, None, :]
     np.testing.assert_allclose(found, np.einsum("ti,tij,tj->t", apart, np.linalg.inv(covariance), apart), rtol=1e-9)
-    np.testing.assert_allclose(position.differences(batch, len(uneven.times))[0], apart, atol=1e-12)
+    np.testing.assert_allclose(readout.differences(batch, len(uneven.times))[0, :, 0, :3], apart, atol=1e-12)
     again = type(uneven).from_dict(uneven.to_dict()).window(3, 9).select(["ball"])
     assert again.position_spread is not None
     np.testing.assert_array_equal(again.position_spread, spread[3:10])
@@ -144,7 +145,7 @@ def test_errors_along_the_line_of_sight_are_excused_by_what_is_not_known_there(
         position_spread=np.broadcast_to(0.1 * sight, tracks.positions.shape).copy(),
     )
     batch = ClosedForm(world, tracks.times, n_worlds=1).run()
-    found = errors(observed_entries(world, away), batch, 0, len(tracks.times))
+    found = errors(tracks_readout(world, away), batch, 0, len(tracks.times))
     assert found.position_by_object["ball"] == pytest.approx(np.hypot(along, across), rel=1e-2)
     unexplained = found.unexplained_by_object["ball"]
     assert unexplained == pytest.approx(np.hypot(max(along - 0.4, 0.0), across), abs=1e-3)

@@ -6,7 +6,7 @@ import pytest
 from atw_mcp.calls.jobs import Progress
 from atw_mcp.gap.work import examine, fitted_effect, worth
 from polyworld.data.recording import Recording, Run
-from polyworld.gap.sealing import Split, hold_out
+from polyworld.gap.sealed import Split, hold_out
 from polyworld.world import Effect
 from tests.polyworld.gap_scenes import puck_world
 

@@ -8,9 +8,9 @@ import pytest
 from atw_mcp.gap.numbers import GapNumbers, Jump, Residuals, jumps_of, residuals_of
 from atw_mcp.gap.pictures import residual_picture
 from polyworld.data.recording import Recording, Run
-from polyworld.gap.comparison import compared
-from polyworld.gap.examine import examined
-from polyworld.gap.sealing import hold_out
+from polyworld.gap.cross_validation import examined
+from polyworld.gap.report import compared
+from polyworld.gap.sealed import hold_out
 from tests.polyworld.gap_scenes import puck_world
 
 COUNT, STEP, NOISE = 60, 0.02, 0.01  # samples, [s], [rad]

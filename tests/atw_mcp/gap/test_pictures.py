@@ -7,7 +7,7 @@ import numpy as np
 
 from atw_mcp.gap.pictures import AFTER, BEFORE, map_picture, path_picture
 from atw_mcp.looking.overlay import ROOM
-from polyworld.gap.comparison import Compared
+from polyworld.gap.report import Compared
 
 
 def compared(scale: float) -> list[Compared]:

@@ -18,13 +18,14 @@ from typing import Any, Literal
 import numpy as np
 
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.fit import FitOptions, StudyFit, fit
-from polyworld.estimation.study import of_one
+from polyworld.estimation.fit import FitOptions, fit
+from polyworld.estimation.fitted import StudyFit
 from polyworld.solver.rollout import simulator
 from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
 from polyworld.world.description import Appearance
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Box, Cylinder, Plane, Sphere
+from tests.polyworld.synthetic import of_one
 
 from .draw import FAMILIES, scenes
 from .write import write

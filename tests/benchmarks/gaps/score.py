@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from polyworld.estimation.accuracy import json_ready
 from polyworld.gap import GapReport
 from polyworld.gap.choose import credible
 from polyworld.gap.fitting import Fitted
-from polyworld.gap.report import effects_of, finite
+from polyworld.gap.report import effects_of
 from tests.benchmarks.gaps.case import NOTHING, Case, Names
 from tests.benchmarks.gaps.place import overlap
 
@@ -75,7 +76,7 @@ def record(case: Case, report: GapReport) -> dict[str, Any]:
     if found != "right":
         row |= {"truth_fit": _truth_fit(case, report), "pool": [_short(f) for f in report.pool[:LISTED]]}
         row["tried"] = {_text(f.hypothesis.names): round(f.total - report.pool[0].total, 1) for f in report.pool[::-1]}
-    kept: dict[str, Any] = finite(row)
+    kept: dict[str, Any] = json_ready(row)
     return kept
 
 

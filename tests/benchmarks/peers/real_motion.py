@@ -22,8 +22,8 @@ from scipy.optimize import least_squares, minimize_scalar
 
 from polyworld.data.recording import Recording, Run
 from polyworld.estimation.least_squares import Point
-from polyworld.estimation.run_noise import run_noise
-from polyworld.estimation.run_readout import CHANNELS
+from polyworld.estimation.noise import run_noise
+from polyworld.estimation.readout import CHANNELS
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapSettings
 from polyworld.gap.fitting import Fitted

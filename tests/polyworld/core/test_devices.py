@@ -12,10 +12,10 @@ import warp as wp
 
 from polyworld.core import buffers
 from polyworld.estimation.fit import FitOptions, fit
-from polyworld.estimation.study import of_one
 from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
+from tests.polyworld.synthetic import of_one
 from tests.scenes.material_parameters import scenes
 from tests.scenes.six_bodies import six_body_world
 

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.fit_settings import DescentSettings
-from polyworld.estimation.initial_state import of_paths
 from polyworld.estimation.least_squares import Point, Problem
 from polyworld.estimation.problem import Block, Evaluated
 from polyworld.estimation.stretches import Link
-from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.unknown import Unknown, of_paths
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
 from polyworld.world.representations.rigid import RigidObject
@@ -36,6 +35,10 @@ class Rows:
     def residuals(self, batch: BatchTrajectory, samples: int) -> Array:
         """Return nothing: a linear problem has no motion."""
         raise NotImplementedError
+
+    def owners(self, samples: int) -> list[str]:
+        """Return the only body."""
+        return ["ball"] * min(samples, self.size)
 
 
 @dataclass
@@ -74,13 +77,13 @@ class LinearProblem(Problem):
     ) -> None:
         rng, self.laws, self.ends = np.random.default_rng(seed), {}, {}
         s, blocks = len(unknowns), []
-        prior = None if np.isinf(state_prior) else (0.3, state_prior)
-        coordinates = [Unknown(n, (f"objects.ball.{n}",), "m", 0.0, -1e9, 1e9, 1.0, prior=prior) for n in STATES]
+        paths = [f"objects.ball.{n}" for n in STATES]
+        states = of_paths(dict.fromkeys(paths, (0.0, 1.0)), dict.fromkeys(paths, (0.3, state_prior)))
         for count in runs:
             run = []
             for b in range(count):
                 link = Link(1.0, {"ball": PLACE}, {"ball": SPEED}, ("ball",)) if b + 1 < count else None
-                block = Block(f"run {len(blocks)}", BALL, np.arange(3.0), Rows(rows), of_paths(coordinates), link)
+                block = Block(f"run {len(blocks)}", BALL, np.arange(3.0), Rows(rows), states, link)
                 self.laws[id(block)] = Linear(
                     scale * rng.normal(size=rows), rng.normal(size=(rows, s)), rng.normal(size=(rows, 6))
                 )

@@ -10,13 +10,15 @@ from scipy.stats import norm
 
 from polyworld.data.tracks import ObservedTracks
 from polyworld.edits.removal import without
-from polyworld.estimation.fit import FitOptions, FittedConstant, StudyFit, fit
+from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.fit_settings import FitSettings, LinkSettings, PriorSettings
-from polyworld.estimation.noise_of_tracks import track_sigma
+from polyworld.estimation.fitted import FittedConstant, StudyFit
+from polyworld.estimation.noise import track_sigma
 from polyworld.estimation.readout import sample_times
-from polyworld.estimation.study import Study, StudyRun, of_one
+from polyworld.estimation.study import Study, StudyRun
 from polyworld.solver.rollout import rollout, simulator
 from tests.polyworld.estimation.pucks import CROSSING, FRAME, RADIUS, SIGMA, clip, discs, tracks, world
+from tests.polyworld.synthetic import of_one
 from tests.scenes.discs import Started, slide
 
 WHOLE = FitOptions(share=0.0)

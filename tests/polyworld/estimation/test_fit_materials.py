@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from polyworld.estimation.fit import FitOptions, fit
-from polyworld.estimation.readout import TracksReadout
-from polyworld.estimation.study import of_one
+from polyworld.estimation.readout import tracks_readout
 from polyworld.estimation.unknown import Unknown
 from polyworld.pictures.render import look_at
 from polyworld.probing.readouts import ImageOccupancy, Tension
 from polyworld.solver.rollout import simulator
 from polyworld.world import World
+from tests.polyworld.synthetic import of_one
 from tests.scenes.material_parameters import Scene, scenes
 
 SCENES = {scene.name: scene for scene in scenes()}
@@ -77,7 +77,7 @@ def test_masks_of_a_flowing_fluid_determine_its_viscosity() -> None:
     (path, hidden), *_ = column.hidden.items()
     factors = np.array([0.4, 0.7, 1.0, 1.4, 2.5])
     batch = simulator(seen(False), np.arange(12) * column.seconds_per_frame, n_worlds=5).run({path: hidden * factors})
-    readout = TracksReadout(seen(False), masks.observed(seed=0), np.zeros(0))
+    readout = tracks_readout(seen(False), masks.observed(seed=0), np.zeros(0))
     losses = (readout.residuals(batch, 12) ** 2).sum(axis=1) / readout.size
     assert int(np.argmin(losses)) == 2
     assert losses[2] < 1.1

@@ -11,10 +11,10 @@ import pytest
 from polyworld.data.initial_states import with_initial_states
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.fit import FitOptions, fit
-from polyworld.estimation.study import of_one
 from polyworld.world import StaticObject, TimeBase, World
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Box, Plane
+from tests.polyworld.synthetic import of_one
 from tests.scenes.clevrer_data import default_folder, default_world, read_scene
 from tests.scenes.clevrer_events import score_collisions, simulated_collisions
 

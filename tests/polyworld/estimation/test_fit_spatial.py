@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.fit import FitOptions, FittedConstant, StudyFit, fit
-from polyworld.estimation.study import of_one
+from polyworld.estimation.fit import FitOptions, fit
+from polyworld.estimation.fitted import FittedConstant, StudyFit
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.representations.joint import Hinge, Slider
 from polyworld.world.shapes import Box
@@ -31,6 +31,7 @@ from tests.polyworld.estimation.floor_scenes import (
     tracks_of,
     upright,
 )
+from tests.polyworld.synthetic import of_one
 
 Array = NDArray[np.float64]
 WHOLE = FitOptions(share=0.0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.noise_of_tracks import track_sigma
+from polyworld.estimation.noise import track_sigma
 from tests.polyworld.estimation.pucks import CROSSING, discs, tracks
 from tests.scenes.discs import slide
 

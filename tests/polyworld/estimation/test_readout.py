@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from polyworld.data.shape_series import ShapeSeries
 from polyworld.data.tracks import ObservedTracks, shapes_only
 from polyworld.estimation.accuracy import accuracy
-from polyworld.estimation.readout import ABSENT, TracksReadout, gyration_radius, sample_times
+from polyworld.estimation.readout import ABSENT, gyration_radius, sample_times, tracks_readout
 from polyworld.probing.readouts import Centreline, Curve, ImageOccupancy, Readout, Tension, read
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Environment, MotionPlane, TimeBase, World, geometry
@@ -29,7 +29,7 @@ GYRATION = 0.1 * np.sqrt(0.4)  # [m] of the ball
 def squares(world: World, tracks: ObservedTracks, sigma: float = 0.01, samples: int | None = None) -> float:
     """Sum of squared standardised residuals of the world's own motion."""
     batch = ClosedForm(world, sample_times(world, tracks), n_worlds=1).run()
-    readout = TracksReadout(world, tracks, np.array([sigma]))
+    readout = tracks_readout(world, tracks, np.array([sigma]))
     return float((readout.residuals(batch, samples or len(tracks.frames)) ** 2).sum())
 
 
@@ -135,7 +135,7 @@ def test_errors_are_roots_of_mean_squared_distances_at_the_tracks_frames() -> No
 
 def test_tracks_of_other_objects_are_named() -> None:
     with pytest.raises(ValueError, match="'cup'"):
-        TracksReadout(thrown_ball(), replace(observe(thrown_ball()), names=("cup",)), np.array([0.01]))
+        tracks_readout(thrown_ball(), replace(observe(thrown_ball()), names=("cup",)), np.array([0.01]))
 
 
 # --- shapes -----------------------------------------------------------------------------------------
@@ -169,7 +169,7 @@ def swinging(height: float, tension: float = 5.0) -> BatchTrajectory:
 def shape_squares(readout: Readout, values: Array, batch: BatchTrajectory, sigma: float = 0.01) -> float:
     shape = values.shape[:2]
     series = ShapeSeries(readout, values, np.full(shape, sigma), np.ones(shape))
-    own = TracksReadout(string(), shapes_only((series,), np.arange(len(TIMES)), 0.02), np.zeros(0))
+    own = tracks_readout(string(), shapes_only((series,), np.arange(len(TIMES)), 0.02), np.zeros(0))
     return float((own.residuals(batch, len(TIMES)) ** 2).sum())
 
 
@@ -203,6 +203,6 @@ def test_readouts_that_do_not_fit_the_world_are_refused_with_what_does() -> None
                  environment=Environment(motion_plane=MotionPlane()))  # fmt: skip
     series = ShapeSeries(Tension(object="string"), values, np.ones(values.shape[:2]), np.ones(values.shape[:2]))
     with pytest.raises(KeyError, match="unknown deformable object"):
-        TracksReadout(ball, shapes_only((series,), np.arange(len(TIMES)), 0.02), np.zeros(0))
+        tracks_readout(ball, shapes_only((series,), np.arange(len(TIMES)), 0.02), np.zeros(0))
     with pytest.raises(ValueError, match="no camera"):
         shape_squares(ImageOccupancy(object="string", columns=1, rows=1), values, swinging(1.0))

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from polyworld.data.recording import Run
-from polyworld.estimation.run_noise import RunNoise
-from polyworld.estimation.run_readout import CHANNELS, ObservedMotion, RunReadout
+from polyworld.estimation.noise import RunNoise
+from polyworld.estimation.readout import CHANNELS, ObservedMotion, RunReadout
 from polyworld.solver.rollout import simulator
 from polyworld.world import Environment, MotionPlane, World
 from polyworld.world.geometry import plane_axes
@@ -61,7 +61,9 @@ def test_planar_residuals_are_places_turns_and_spins_from_what_was_measured(norm
     batch = simulator(world, TIMES, n_worlds=2).run({"objects.a.mass": masses})
     flat, about = np.abs(n) < 1.0 - 1e-9, np.abs(n) > 1e-9  # components that can change
     expected = np.full((2, 31, 2, CHANNELS), np.nan)
-    expected[..., :3] = np.where(flat, batch.positions - places, np.nan)
+    apart = batch.positions - places
+    apart = apart - (apart @ n)[..., None] * n  # within the plane
+    expected[..., :3] = np.where(flat, apart, np.nan)
     expected[..., 6:] = np.where(about, batch.angular_velocities - spins, np.nan)
     for column, period in enumerate((2.0 * np.pi, 2.0 * np.pi / 3.0)):
         rows = np.flatnonzero(np.isfinite(orientations[:, column, 0]))

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from polyworld.data.recording import Recording, Run
 from polyworld.gap.catalogue import named
-from polyworld.gap.examine import examined
+from polyworld.gap.cross_validation import examined
 from polyworld.gap.experiment import propose_experiment
 from polyworld.gap.fitting import Fitted, fit
 from polyworld.gap.ground import Ground, ground_of

@@ -8,10 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
-from polyworld.gap.examine import examined
-from polyworld.gap.localise import Localisation, localise
-from polyworld.gap.onset import onsets, recursive_residuals
-from polyworld.gap.phases import motions
+from polyworld.gap.cross_validation import examined
+from polyworld.gap.localise import Localisation, localise, motions, onsets, recursive_residuals
 from polyworld.world import World
 from tests.polyworld.gap_scenes import Bouncing, G, Launch, ball_recording, ball_world, launches
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from polyworld.data.recording import Recording, Run
-from polyworld.estimation.run_noise import RunNoise
+from polyworld.estimation.noise import RunNoise
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import named
 from polyworld.gap.ground import Ground

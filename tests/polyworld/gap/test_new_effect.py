@@ -44,7 +44,6 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     signature="residual along x that sets in at x = 0",
-    confused_with={"tilt": "motion at x < 0"},
 )
 '''
 

@@ -7,7 +7,7 @@ import pytest
 
 from polyworld.data.recording import Recording, Run
 from polyworld.estimation.least_squares import Point
-from polyworld.estimation.run_noise import run_noise
+from polyworld.estimation.noise import run_noise
 from polyworld.gap import GapReport, find_gap
 from polyworld.gap.catalogue import catalogue, named
 from polyworld.gap.ground import Ground

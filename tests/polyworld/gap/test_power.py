@@ -10,7 +10,7 @@ from scipy.stats import ncx2
 from polyworld.data.recording import Recording, Run
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.catalogue import catalogue, named
-from polyworld.gap.examine import examined
+from polyworld.gap.cross_validation import examined
 from polyworld.gap.fitting import Fitted
 from polyworld.gap.power import power_check
 from polyworld.gap.settings import GapSettings

@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 
 from polyworld.data.recording import Recording, Run
 from polyworld.expressions import Expression, compile_expression
-from polyworld.gap.adding import with_parts
+from polyworld.gap.candidate import with_parts
 from polyworld.gap.catalogue import named
-from polyworld.gap.examine import examined
+from polyworld.gap.cross_validation import examined
 from polyworld.gap.fitting import fit
 from polyworld.gap.hypothesis import extended
 from polyworld.gap.residual_force import ResidualForce, residual_force

@@ -5,6 +5,7 @@ Laws are plain functions of time, place and velocity; nothing here knows the eng
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording, Run
+from polyworld.screening import Finding
 from polyworld.world import Environment, MotionPlane, StaticObject, World
 from polyworld.world.representations.joint import Hinge
 from polyworld.world.representations.rigid import RigidObject
@@ -38,6 +40,11 @@ def run(name: str, times: Array, places: Array, names: Sequence[str] = ("ball",)
     """A run of positions (T, 3) or (T, n, 3) without orientations."""
     places = places if places.ndim == 3 else places[:, None]
     return Run(name, tuple(names), times, places, np.full((*places.shape[:2], 4), np.nan))
+
+
+def numbers(finding: Finding) -> list[float]:
+    """Return the numbers in the message of a finding."""
+    return [float(n) for n in re.findall(r"(?<![\w-])\d+(?:\.\d+)?(?:e-?\d+)?", finding.message)]
 
 
 def recorded(times: Array, paths: Array, noise: float = 1e-3, seed: int = 0) -> Recording:

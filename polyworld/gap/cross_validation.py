@@ -14,10 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.run_readout import CHANNELS
-from polyworld.gap.fitting import Fitted, robust_scale, weights
-from polyworld.gap.ground import Ground
+from polyworld.data.recording import Recording
+from polyworld.estimation.least_squares import huber_weights
+from polyworld.estimation.readout import CHANNELS
+from polyworld.estimation.unknown import Unknown
+from polyworld.gap.fitting import Fitted, fit, robust_scale
+from polyworld.gap.ground import Ground, ground_of
+from polyworld.gap.hypothesis import Hypothesis
 from polyworld.gap.settings import GapSettings
+from polyworld.world import World
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -86,7 +91,7 @@ def reduced(fitted: Fitted) -> Reduced:
     steps, answers = [], []
     threshold = fitted.problem.settings.huber
     for r, (one, states) in enumerate(zip(fitted.slopes, fitted.of_states(), strict=True)):
-        w = weights(one.residuals, threshold)
+        w = huber_weights(one.residuals, threshold)
         prior = fitted.problem.runs[r][0].states.prior
         yw = one.states * w[:, None]
         own = yw.T @ one.states
@@ -172,7 +177,7 @@ def refit_states(
             slopes = ((one.residuals[1:] - residual) / width[:, None]).T
             prior = problem.runs[r][0].states.prior
             inverse = np.where(np.isfinite(prior[:, 1]), prior[:, 1], np.inf) ** -2.0
-            w = weights(residual, fitted.ground.settings.soft * max(1.0, robust_scale(residual, columns[r])))
+            w = huber_weights(residual, fitted.ground.settings.soft * max(1.0, robust_scale(residual, columns[r])))
             own_matrix = (slopes * w[:, None]).T @ slopes
             diagonal = np.diag(own_matrix)
             own_matrix = own_matrix + np.diag(inverse + 1e-6 * diagonal + 1e-9 * diagonal.max() + 1e-12)
@@ -214,7 +219,9 @@ def _by_stretches(fitted: Fitted, folds: Sequence[Fold]) -> None:
     fits, expected = [], []
     for fold in folds:
         kept = [~_inside(ground, fold) if r == fold.run else np.ones(len(own), bool) for r, own in enumerate(slopes)]
-        w = [weights(one.residuals, problem.settings.huber) * k for one, k in zip(fitted.slopes, kept, strict=True)]
+        w = [
+            huber_weights(one.residuals, problem.settings.huber) * k for one, k in zip(fitted.slopes, kept, strict=True)
+        ]
         matrix = np.sum([(own * v[:, None]).T @ own for own, v in zip(slopes, w, strict=True)], axis=0)
         left = slopes[fold.run][~kept[fold.run]]
         spread = np.einsum("ms,st,mt->m", left, np.linalg.pinv(matrix + vague, hermitian=True), left)
@@ -262,3 +269,18 @@ def fold_counts(ground: Ground, folds: Sequence[Fold]) -> Array:
         rest = float((columns % CHANNELS < SPINS).sum())
         found.append(rest or float(len(columns)))
     return np.array(found)
+
+
+def examined(
+    world: World, recording: Recording, base: tuple[Unknown, ...] = (), settings: GapSettings | None = None
+) -> Fitted:
+    """Fit a world to a recording and predict every fold of it. Raises ValueError where the recording does not fit."""
+    settings = settings or GapSettings()
+    ground = ground_of(world, recording, settings)
+    return predicted(fit(ground, Hypothesis(ground.world, base), growing=True, scale=1.0))
+
+
+def predicted(fitted: Fitted) -> Fitted:
+    """Return a fit with what it predicts of every fold without it."""
+    predict_left_out(fitted, folds_of(fitted.ground, fitted.ground.settings))
+    return fitted

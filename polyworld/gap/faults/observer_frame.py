@@ -1,17 +1,21 @@
-"""Wrong units of whoever measured, and wrong time stamps; and what all faults of observers share."""
+"""Wrong units, axes and time stamps of whoever measured; and what all faults of observers share."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording, Run
 from polyworld.estimation.unknown import Unknown
-from polyworld.gap.adding import of_path, one_start, with_parts
-from polyworld.gap.candidate import Candidate, Variant
-from polyworld.world import World
+from polyworld.expressions.effect import law_of
+from polyworld.gap.candidate import Candidate, Variant, of_path, one_start, with_parts
+from polyworld.world import StaticObject, World, geometry
 from polyworld.world.observer import MARGIN, Observer
+from polyworld.world.shapes import Plane
+
+Array = NDArray[np.float64]
 
 WRONG_UNIT = 0.3  # share by which a unit is wrong: film of 24 frames a second shown at 30, a yard taken for a metre
 FRAMES = 10.0  # that are ordinarily missed, or by which a recording ordinarily begins late
@@ -122,59 +126,79 @@ def _dropped(world: World, recording: Recording) -> tuple[Variant, ...]:
     return tuple(made)
 
 
-_SCALES = {
-    "gravity_error": "a length known in the scene, or gravity measured elsewhere",
-    "observer_clock": "a speed or a period that does not come from gravity, such as forcing by a motor",
-    "buoyancy": "another body of another density",
-}
+MOST = 0.5  # [rad]
+ORDINARY = 0.2  # of a camera held by hand [rad]
+
+
+def _tilt(world: World, recording: Recording) -> tuple[Variant, ...]:
+    axes = [a for a in range(3) if _tilt_shows(world, recording, a)]
+    if not axes:
+        return ()
+    child = observed(world)
+    limits = {"lower": -MOST, "upper": MOST, "plausible": ORDINARY}
+    unknowns = [of_observer(child, f"tilt.{'xyz'[a]}", f"tilt_{'xyz'[a]}", 0.02, **limits) for a in axes]
+    return (one_start(child, unknowns, same_as=("tilt",) if is_bare(world) else ()),)
+
+
+def _tilt_shows(world: World, recording: Recording, axis: int) -> bool:
+    """Return whether axes turned about this one change what is seen, to first order, beyond what initial states take
+    up."""
+    others = {0, 1, 2} - {axis}
+    if not others <= set(measured_axes(recording)):
+        return False
+    about = np.eye(3)[axis]
+    if world.planar:
+        normal = geometry.plane_axes(world.environment.motion_plane)[2]
+        if abs(about @ normal) < 1.0 - 1e-9 and np.max(np.abs(normal)) > 1.0 - 1e-9:
+            return False
+    gravity = np.asarray(world.environment.gravity)
+    size = float(np.linalg.norm(gravity))
+    upright = size == 0.0 or abs(about @ gravity) > (1.0 - 1e-9) * size
+    if not upright:
+        return True
+    level = all(_level(s, about) for s in world.statics)
+    free = not (world.joints or world.deformables)
+    return not (level and free and all(law_of(e).isotropic for e in world.effects if e.enabled))
+
+
+def _level(static: StaticObject, up: Array) -> bool:
+    """Return whether a static is a plane across a direction."""
+    if not isinstance(static.shape, Plane):
+        return False
+    normal = geometry.quaternion_matrix(np.asarray(static.orientation)) @ np.asarray(static.shape.normal)
+    return bool(abs(normal @ up) > (1.0 - 1e-9) * np.linalg.norm(normal))
+
 
 CANDIDATES = (
     Candidate(
         name="observer_scale",
         group="observer",
         law="x_seen = centre + s (x - centre)",
-        signature="all lengths, and so gravity and speeds, are wrong by one factor; bounces keep their times",
-        reference="Hartley & Zisserman, Multiple View Geometry (2004), ch. 2",
         variants=_scale,
-        confused_with=_SCALES,
     ),
     Candidate(
         name="observer_clock",
         group="observer",
         law="t_seen = c t",
-        signature="all times are wrong by one factor: speeds by it, accelerations by its square, drag not at all",
-        reference="any mechanics text, change of the unit of time",
         variants=_clock,
-        confused_with={
-            "gravity_error": _SCALES["gravity_error"],
-            "observer_scale": "a length known in the scene, such as the height of a wall or the size of a body",
-            "buoyancy": _SCALES["buoyancy"],
-        },
     ),
     Candidate(
         name="observer_time_offset",
         group="observer",
         law="t_seen = t - t0",
-        signature="residuals along the velocity, the same delay everywhere and from the start on",
-        reference="any mechanics text, change of the origin of time",
         variants=_time_offset,
-        confused_with={
-            "dropped_frames": "the delay is there from the first sample",
-            "actuator_delay": "motion that no actuator drives is late too",
-        },
     ),
     Candidate(
         name="dropped_frames",
         group="observer",
         law="t_seen = t - shift after shift_time",
-        signature="from one instant on all bodies are ahead (frames dropped) or behind (repeated) by one time",
-        reference="any video text; a change of the origin of time at an instant",
         variants=_dropped,
         local=True,
-        confused_with={
-            "hidden_wall": "bodies elsewhere jump at the same instant, and speeds stay as they were",
-            "fan": "the jump is a displacement along the velocity, with no change of velocity",
-            "observer_clock": "the delay does not grow",
-        },
+    ),
+    Candidate(
+        name="observer_tilt",
+        group="observer",
+        law="x_seen = centre + R(tilt)^T (x - centre)",
+        variants=_tilt,
     ),
 )

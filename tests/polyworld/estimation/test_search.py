@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polyworld.estimation import cem
-from polyworld.estimation.cem import CemSettings, CemState
+from polyworld.estimation.search import CemSettings, CemState, generation
 
 LOWER, UPPER = np.full(3, -2.0), np.full(3, 2.0)
 TARGET = np.array([0.3, -1.2, 1.9])
@@ -19,7 +18,7 @@ def bowl(x: np.ndarray) -> np.ndarray:
 def minimise(evaluate, lower, upper, mean, sd, *, generations: int, seed: int = 0) -> CemState:
     settings, state = CemSettings(), CemState.start(mean, sd, seed)
     for _ in range(generations):
-        state = cem.generation(state, evaluate, lower, upper, settings.floor * sd, settings)
+        state = generation(state, evaluate, lower, upper, settings.floor * sd, settings)
     return state
 
 
@@ -33,11 +32,11 @@ def test_update_follows_the_smoothed_elite_statistics_and_the_floor() -> None:
     settings = CemSettings(population=20, elites=5, carried=2, smoothing=0.4, floor=0.0)
     start = CemState.start(np.zeros(3), np.ones(3), seed=3)
     floor = np.array([0.0, 0.0, 0.9])
-    after = cem.generation(start, watched, LOWER, UPPER, floor, settings)
+    after = generation(start, watched, LOWER, UPPER, floor, settings)
     elite = seen[0][np.argsort(bowl(seen[0]), kind="stable")[:5]]
     assert after.mean == pytest.approx(0.6 * elite.mean(axis=0))
     assert after.sd == pytest.approx(np.maximum(floor, 0.4 + 0.6 * elite.std(axis=0)))
-    cem.generation(after, watched, LOWER, UPPER, floor, settings)
+    generation(after, watched, LOWER, UPPER, floor, settings)
     assert np.array_equal(seen[1][:2], elite[:2]), "the best two are carried into the next generation"
 
 
@@ -74,7 +73,7 @@ def test_the_best_loss_never_rises_while_the_objective_stays() -> None:
     state = CemState.start(np.zeros(3), np.ones(3), seed=1)
     best = np.inf
     for _ in range(20):
-        state = cem.generation(state, bowl, LOWER, UPPER, np.full(3, 0.3), settings)
+        state = generation(state, bowl, LOWER, UPPER, np.full(3, 0.3), settings)
         assert state.elite_losses[0] <= best
         best = state.elite_losses[0]
 
@@ -83,7 +82,7 @@ def test_parameters_that_take_no_part_keep_mean_and_spread() -> None:
     state = CemState.start(np.array([0.0, 0.5, 0.0]), np.ones(3), seed=1)
     free = np.array([True, False, True])
     for _ in range(5):
-        state = cem.generation(state, bowl, LOWER, UPPER, np.zeros(3), CemSettings(), free=free)
+        state = generation(state, bowl, LOWER, UPPER, np.zeros(3), CemSettings(), free=free)
     assert state.mean[1] == 0.5
     assert state.sd[1] == 1.0
     assert np.all(state.elite[:, 1] == 0.5)

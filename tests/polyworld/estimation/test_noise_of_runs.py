@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from polyworld.data.recording import Recording, Run
-from polyworld.estimation.run_noise import run_noise
+from polyworld.estimation.noise import run_noise
 from tests.polyworld.gap_scenes import Bouncing, ball_recording, launches
 
 Array = NDArray[np.float64]

@@ -8,12 +8,11 @@ import pytest
 from polyworld.data.recording import Recording
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import named
+from polyworld.gap.cross_validation import folds_of, predict_left_out
 from polyworld.gap.fitting import Fitted, fit
 from polyworld.gap.ground import Ground, ground_of
-from polyworld.gap.held_out import folds_of, predict_left_out
 from polyworld.gap.hypothesis import Hypothesis, extended
-from polyworld.gap.sealed import gap_between, settled_alike
-from polyworld.gap.sealing import hold_out
+from polyworld.gap.sealed import gap_between, hold_out, settled_alike
 from polyworld.gap.verdict import intervals
 from polyworld.world import World
 from tests.polyworld.gap_scenes import MASS, Bouncing, ball_recording, ball_world, launches
