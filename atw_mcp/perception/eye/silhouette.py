@@ -1,0 +1,99 @@
+"""Silhouette: the pose of greatest likelihood along the normals of a contour, and its error from the curvature."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from atw_mcp.perception.eye.likelihood import Scene
+from atw_mcp.perception.eye.pixels import Floats
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A pose (4,) with its covariance (4, 4), and the mean error of the centre [px].
+
+    decided: share of the contour's normals whose edge the pixels show; residual: typical distance of their edges from
+    the contour [px]; along (N,): signed distance of each normal's edge, NaN where it is not shown.
+    """
+
+    pose: Floats
+    covariance: Floats
+    decided: float
+    residual: float
+    along: Floats
+
+
+def _edges(scene: Scene, body: int, frame: int, pose: Floats, reach: float) -> tuple[Floats, Floats, Floats, float]:
+    """Signed distance (N,) [px] of the edge from each normal of a contour, its precision (N,) [1/px^2], rates, spacing.
+
+    The log likelihood of an edge at d is the sum of log odds up to d; its mean and variance are taken over a normal
+    prior of `reach` and that prior is then removed, so that a normal on which nothing is decided weighs nothing.
+    """
+    s = scene.settings
+    contour = scene.bodies[body].contour(pose, s.normals)
+    offsets = np.arange(-reach, reach + 0.5 * s.step, s.step)
+    points = contour.points[:, None] + contour.normals[:, None] * offsets[:, None]
+    odds, free = scene.log_odds(body, frame, pose, points.reshape(-1, 2))
+    shape = points.shape[:2]
+    odds, free = np.where(free, odds, 0.0).reshape(shape), free.reshape(shape)
+    middle = len(offsets) // 2
+    shown = free[:, max(middle - 2, 0) : middle + 3].all(axis=1)
+    logs = np.concatenate([np.zeros((shape[0], 1)), np.cumsum(odds * s.step, axis=1)], axis=1)
+    places = np.append(offsets - 0.5 * s.step, offsets[-1] + 0.5 * s.step)
+    width = 0.7 * reach
+    logs -= 0.5 * (places / width) ** 2
+    weight = np.exp(logs - logs.max(axis=1, keepdims=True))
+    weight /= weight.sum(axis=1, keepdims=True)
+    mean = weight @ places
+    variance = weight @ places**2 - mean**2 + s.edge_error**2
+    flat = np.exp(-0.5 * (places / width) ** 2)
+    prior = float((flat * places**2).sum() / flat.sum()) + s.edge_error**2
+    precision = np.maximum(1 / variance - 1 / prior, 0.0)
+    distance = np.where(precision > 0, mean / variance / np.maximum(precision, 1e-9), 0.0)
+    precision = np.where(shown & (np.abs(distance) < 1.5 * reach), precision, 0.0)
+    return np.clip(distance, -reach, reach), precision, contour.rates, contour.spacing
+
+
+def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | None = None, coarse: int = 0) -> Fit:
+    """Refine a pose by Gauss-Newton steps over ever shorter normals.
+
+    prior (4,): standard deviations about the initial pose; by default those of an unknown place. coarse: the first of
+    the settings' reaches.
+    """
+    s, shape = scene.settings, scene.bodies[body]
+    initial, pose = pose, pose.copy()
+    free = shape.free
+    sigma = 3.0 * shape.unit if prior is None else prior
+    hold = np.diag(1 / np.maximum(sigma[free], 1e-9) ** 2)
+    for reach in (min(r, s.reach_radii * shape.radius(pose) + 1.5) for r in s.reaches[coarse:]):
+        distance, precision, rates, spacing = _edges(scene, body, frame, pose, reach)
+        rates = rates[:, free]
+        away = hold @ (initial - pose)[free]
+        scale, weight = 1.0, precision
+        for _ in range(3):
+            normal = rates.T @ (rates * weight[:, None]) + hold
+            step = np.linalg.solve(normal, rates.T @ (weight * distance) + away)
+            left = distance - rates @ step
+            shown = precision > 0
+            scale = max(1.48 * float(np.median(np.abs(left[shown]))) if shown.any() else 0.0, s.edge_error)
+            weight = precision / (1 + (left / (s.robust * scale)) ** 2) ** 2
+        limit = 0.8 * shape.unit[free]
+        pose[free] += np.clip(step, -limit, limit)
+    strong = precision > 0.25 / s.edge_error**2
+    inflation = max(s.correlated / spacing, 1.0) * max(scale / (2 * s.edge_error), 1.0) ** 2
+    covariance = np.zeros((4, 4))
+    index = np.flatnonzero(free)
+    information = rates.T @ (rates * weight[:, None]) / inflation + hold
+    covariance[np.ix_(index, index)] = np.linalg.inv(information)
+    along = np.where(strong, left, np.nan)
+    return Fit(pose, covariance, float(strong.mean()), scale, along)
+
+
+def centre_error(scene: Scene, body: int, fit: Fit) -> float:
+    """Standard deviation [px] of a fitted centre in the image, with what no curvature shows."""
+    shape = scene.bodies[body]
+    rate = np.stack([(shape.centre(fit.pose + 1e-4 * e) - shape.centre(fit.pose)) / 1e-4 for e in np.eye(4)], axis=1)
+    spread = float(np.sqrt(max(np.trace(rate @ fit.covariance @ rate.T) / 2, 0.0)))
+    return float(np.hypot(spread, scene.settings.systematic * shape.radius(fit.pose)))
