@@ -52,7 +52,8 @@ def _edges(scene: Scene, body: int, frame: int, pose: Floats, reach: float) -> t
     prior = float((flat * places**2).sum() / flat.sum()) + s.edge_error**2
     precision = np.maximum(1 / variance - 1 / prior, 0.0)
     distance = np.where(precision > 0, mean / variance / np.maximum(precision, 1e-9), 0.0)
-    precision = np.where(shown & (np.abs(distance) < 1.5 * reach), precision, 0.0)
+    near_end = np.abs(places) > reach - 0.5 * min(2.0, reach)
+    precision = np.where(shown, precision * np.maximum(1 - 2 * weight[:, near_end].sum(axis=1), 0.0), 0.0)
     return np.clip(distance, -reach, reach), precision, contour.rates, contour.spacing
 
 
