@@ -30,10 +30,12 @@ class Body(Protocol):
     """A body whose silhouette follows from a pose of four numbers.
 
     free (4,): which components are unknown; unit (4,): size of each component that moves the silhouette by about a
-    radius. A higher depth lies behind.
+    radius. A higher depth lies behind. edge_slack: standard deviation [px] by which all edges may lie farther out or in
+    than the silhouette says (rounded rims, lens, a size that is not quite right).
     """
 
     name: str
+    edge_slack: float
 
     @property
     def free(self) -> NDArray[np.bool_]: ...
@@ -63,6 +65,7 @@ class Solid:
     camera: Camera
     floor: float = 0.0
     rises: bool = False
+    edge_slack: float = 0.5
 
     @property
     def free(self) -> NDArray[np.bool_]:
@@ -146,6 +149,7 @@ class Outline:
     layer: float = 0.0
     round: bool = False
     scales: bool = True
+    edge_slack: float = 1e-3
 
     @property
     def free(self) -> NDArray[np.bool_]:

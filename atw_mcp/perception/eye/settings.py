@@ -45,6 +45,11 @@ class EyeSettings:
     reaches: tuple[float, ...] = (12.0, 8.0, 5.0, 4.0, 4.0)  # [px] of a normal, coarse to fine
     reach_radii: float = 0.7  # [radii] of a normal at the most: beyond it lies another side of the body
     edge_error: float = 0.3  # [px] standard deviation of one normal's edge at the best
+    mixed_rounds: int = 2  # steps at the end that resolve edges by mixed pixels
+    mixed_near: float = 2.0  # [px] from an edge within which pixels are mixed: lens, coding of colour at half size
+    mixed_far: float = 4.0  # [px] to which levels of either side are taken from there
+    light_noise: float = 0.01  # of a pixel's light, of 1: about three levels
+    gamma: float = 2.2  # exponent from levels to light, which is what mixes in a pixel: sRGB and video
     robust: float = 2.0  # scales of residuals of normals beyond which they lose weight
     correlated: float = 2.5  # [px] along a contour over which errors of normals are alike
     systematic: float = 0.05  # of a radius: error of a pose that no curvature shows (colours, shape)

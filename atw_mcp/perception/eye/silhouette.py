@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from atw_mcp.perception.eye.likelihood import Scene
-from atw_mcp.perception.eye.pixels import Floats
+from atw_mcp.perception.eye.pixels import Floats, sampled
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,30 @@ def _edges(scene: Scene, body: int, frame: int, pose: Floats, reach: float) -> t
     return np.clip(distance, -reach, reach), precision, contour.rates, contour.spacing
 
 
+def _mixed_edges(scene: Scene, body: int, frame: int, pose: Floats) -> tuple[Floats, Floats]:
+    """Signed distance (N,) [px] of the edge from each normal, and its precision (N,) [1/px^2], from mixed pixels.
+
+    Within a pixel or two of an edge levels are mixtures of those inside and outside, which the log odds of pure colours
+    take for the side whose colours vary more. The share of the inside, summed along the normal, gives the edge.
+    """
+    s = scene.settings
+    contour = scene.bodies[body].contour(pose, s.normals)
+    offsets = np.arange(-s.mixed_far, s.mixed_far + 0.5 * s.step, s.step)
+    points = (contour.points[:, None] + contour.normals[:, None] * offsets[:, None]).reshape(-1, 2)
+    levels = (sampled(scene.film.frames[frame], points) / 255) ** np.float32(s.gamma)  # light, which mixes
+    levels = levels.reshape(len(contour.points), len(offsets), 3)
+    pure = np.abs(offsets) > s.mixed_near
+    inside, outside = levels[:, pure & (offsets < 0)], levels[:, pure & (offsets > 0)]
+    low, high = outside.mean(axis=1, keepdims=True), inside.mean(axis=1, keepdims=True)
+    contrast = ((high - low) ** 2).sum(axis=-1)
+    share = np.clip(((levels - low) * (high - low)).sum(axis=-1) / np.maximum(contrast, 1e-6), 0.0, 1.0)
+    core = np.abs(offsets) <= s.mixed_near
+    distance = (share[:, core] - 0.5).sum(axis=1) * s.step
+    spread = inside.var(axis=1).sum(axis=-1) + outside.var(axis=1).sum(axis=-1) + 3 * s.light_noise**2
+    variance = s.edge_error**2 + s.mixed_near**2 * spread / np.maximum(contrast[:, 0], 1e-6)
+    return distance, 1 / variance
+
+
 def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | None = None, coarse: int = 0) -> Fit:
     """Refine a pose by Gauss-Newton steps over ever shorter normals.
 
@@ -67,11 +91,17 @@ def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
     initial, pose = pose, pose.copy()
     free = shape.free
     sigma = 3.0 * shape.unit if prior is None else prior
-    hold = np.diag(1 / np.maximum(sigma[free], 1e-9) ** 2)
-    for reach in (min(r, s.reach_radii * shape.radius(pose) + 1.5) for r in s.reaches[coarse:]):
-        distance, precision, rates, spacing = _edges(scene, body, frame, pose, reach)
-        rates = rates[:, free]
-        away = hold @ (initial - pose)[free]
+    hold = np.diag(1 / np.maximum(np.append(sigma[free], shape.edge_slack), 1e-9) ** 2)  # the last: all edges alike
+    for reach in (*s.reaches[coarse:], *[0.0] * s.mixed_rounds):
+        reach_now = min(reach or s.reaches[-1], s.reach_radii * shape.radius(pose) + 1.5)
+        distance, precision, rates, spacing = _edges(scene, body, frame, pose, reach_now)
+        if not reach:
+            finer, weight = _mixed_edges(scene, body, frame, pose)
+            near = (np.abs(distance) < s.mixed_near) & (precision > 0)
+            distance = np.where(near, finer, distance)
+            precision = np.where(near, np.minimum(weight, 1 / s.edge_error**2), precision)
+        rates = np.c_[rates[:, free], np.ones(len(rates))]
+        away = hold @ np.append((initial - pose)[free], 0.0)
         scale, weight = 1.0, precision
         for _ in range(3):
             normal = rates.T @ (rates * weight[:, None]) + hold
@@ -81,13 +111,13 @@ def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
             scale = max(1.48 * float(np.median(np.abs(left[shown]))) if shown.any() else 0.0, s.edge_error)
             weight = precision / (1 + (left / (s.robust * scale)) ** 2) ** 2
         limit = 0.8 * shape.unit[free]
-        pose[free] += np.clip(step, -limit, limit)
+        pose[free] += np.clip(step[:-1], -limit, limit)
     strong = precision > 0.25 / s.edge_error**2
     inflation = max(s.correlated / spacing, 1.0) * max(scale / (2 * s.edge_error), 1.0) ** 2
     covariance = np.zeros((4, 4))
     index = np.flatnonzero(free)
     information = rates.T @ (rates * weight[:, None]) / inflation + hold
-    covariance[np.ix_(index, index)] = np.linalg.inv(information)
+    covariance[np.ix_(index, index)] = np.linalg.inv(information)[:-1, :-1]
     along = np.where(strong, left, np.nan)
     return Fit(pose, covariance, float(strong.mean()), scale, along)
 
