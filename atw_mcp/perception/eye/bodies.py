@@ -18,11 +18,13 @@ CIRCLE = np.stack([np.cos(np.arange(64) * np.pi / 32), np.sin(np.arange(64) * np
 @dataclass(frozen=True)
 class Contour:
     """Points of a silhouette at equal distances: places (N, 2) [px], outward unit normals (N, 2), and the rate at which
-    each moves along its normal with each component of the pose (N, 4); spacing [px]."""
+    each moves along its normal with each component of the pose (N, 4) and with two nuisances (N, 2): all edges farther
+    out [px], and upper rims rounded [by their radius over the body's]; spacing [px]."""
 
     points: Floats
     normals: Floats
     rates: Floats
+    nuisances: Floats
     spacing: float
 
 
@@ -30,13 +32,14 @@ class Body(Protocol):
     """A body whose silhouette follows from a pose of four numbers.
 
     free (4,): which components are unknown; unit (4,): size of each component that moves the silhouette by about a
-    radius. A higher depth lies behind. edge_slack: standard deviation [px] by which all edges may lie farther out or in
-    than the silhouette says (rounded rims, lens, a size that is not quite right).
+    radius. A higher depth lies behind. nuisance: standard deviations of what all edges may lie
+    farther out than the silhouette says [px] (lens, a size that is not quite right), and of the radius of rounded rims.
     """
 
     name: str
-    edge_slack: float
 
+    @property
+    def nuisance(self) -> tuple[float, float]: ...
     @property
     def free(self) -> NDArray[np.bool_]: ...
     @property
@@ -65,11 +68,15 @@ class Solid:
     camera: Camera
     floor: float = 0.0
     rises: bool = False
-    edge_slack: float = 0.5
 
     @property
     def free(self) -> NDArray[np.bool_]:
         return np.array([True, True, self.kind == "box", self.rises])
+
+    @property
+    def nuisance(self) -> tuple[float, float]:
+        """Boxes are sharper than turned cylinders."""
+        return (0.5, 0.1 if self.kind == "cylinder" else 0.02)
 
     @property
     def unit(self) -> Floats:
@@ -108,7 +115,16 @@ class Solid:
         used = np.arange(len(points)) if self.kind == "sphere" else _hull(points)
         small = 1e-4
         moved = [(self.camera.project(self._surface(pose + small * e)) - points)[used] / small for e in np.eye(4)]
-        return _sampled(points[used], np.stack(moved), most)
+        found = _sampled(points[used], np.stack(moved), most)
+        if self.kind == "sphere":
+            return found
+        # A rim rounded by r lies r (|w_xy| + w_z - 1) farther in than a sharp one, w the normal of the tangent plane
+        # through the camera. Of lower rims a dark gap is left, which is seen as the body's.
+        lines = np.c_[found.normals, -(found.normals * found.points).sum(axis=1)]
+        across = lines @ np.asarray(self.camera.intrinsics) @ np.asarray(self.camera.rotation)
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        inset = np.where(across[:, 2] > 0, np.hypot(across[:, 0], across[:, 1]) + across[:, 2] - 1, 0.0)
+        return replace(found, nuisances=np.c_[np.ones(len(inset)), -inset * self.radius(pose)])
 
     def centre(self, pose: Floats) -> Floats:
         """Projection (2,) of the centre [px]."""
@@ -149,11 +165,15 @@ class Outline:
     layer: float = 0.0
     round: bool = False
     scales: bool = True
-    edge_slack: float = 1e-3
 
     @property
     def free(self) -> NDArray[np.bool_]:
         return np.array([True, True, not self.round, self.scales])
+
+    @property
+    def nuisance(self) -> tuple[float, float]:
+        """None: its scale is free, and its outline is corrected."""
+        return (1e-3, 1e-3)
 
     @property
     def unit(self) -> Floats:
@@ -249,4 +269,5 @@ def _sampled(polygon: Floats, moved: Floats, most: int) -> Contour:
     points = polygon[index] * (1 - share) + polygon[after[index]] * share
     outward = edge[index][:, ::-1] * [1.0, -1.0] / length[index][:, None] * np.sign(_area(polygon))
     rates = ((moved[:, index] * (1 - share) + moved[:, after[index]] * share) * outward).sum(axis=2).T
-    return Contour(points, outward, rates, float(total[-1] / count))
+    none = np.stack([np.ones(count), np.zeros(count)], axis=1)
+    return Contour(points, outward, rates, none, float(total[-1] / count))

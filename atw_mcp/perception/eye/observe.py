@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -178,7 +179,8 @@ def _tried(scene: Scene, bodies: list[int], poses: list[Floats], frame: int) -> 
             scene.learn_body(i, [frame])
             state = seeded(scene, i, frame, pose)
             pose = state.fit.pose
-        total += state.contrast * state.visible * scene.bodies[i].radius(pose) ** 2
+        area = abs(cv2.contourArea(scene.bodies[i].polygon(pose).astype(np.float32)))
+        total += state.inside * state.visible * area
         found.append((i, pose, scene.colours[i]))
     for i in bodies:
         scene.poses[i, frame], scene.colours[i] = np.nan, None

@@ -48,11 +48,13 @@ class EyeSettings:
     mixed_rounds: int = 2  # steps at the end that resolve edges by mixed pixels
     mixed_near: float = 2.0  # [px] from an edge within which pixels are mixed: lens, coding of colour at half size
     mixed_far: float = 4.0  # [px] to which levels of either side are taken from there
+    shaded_edge: float = 2.0  # [px] per unit of log factor: an edge against a shade may be the shade's own
+    pure_error: float = 0.7  # [px] of an edge by pure colours: mixed pixels count for the more varied side
     light_noise: float = 0.01  # of a pixel's light, of 1: about three levels
     gamma: float = 2.2  # exponent from levels to light, which is what mixes in a pixel: sRGB and video
     robust: float = 2.0  # scales of residuals of normals beyond which they lose weight
     correlated: float = 2.5  # [px] along a contour over which errors of normals are alike
-    systematic: float = 0.05  # of a radius: error of a pose that no curvature shows (colours, shape)
+    systematic: float = 0.02  # of a radius: error of a pose that no curvature shows (colours, shape)
 
     # following
     search: float = 5.0  # [radii] around the prediction in which a body is searched for, more after each miss
