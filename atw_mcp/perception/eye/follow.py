@@ -19,6 +19,7 @@ def follow(scene: Scene, body: int, seeds: dict[int, Floats]) -> States:
     """
     frames = sorted(seeds)
     found: States = {k: seeded(scene, body, k, seeds[k]) for k in frames}
+    scene.usual[body] = np.median([state.contrast for state in found.values()])
     near: dict[int, int] = dict.fromkeys(frames, 0)
     for position, k in enumerate(frames):
         for step, end in ((1, frames[position + 1] if position + 1 < len(frames) else scene.film.count), (-1, frames[position - 1] if position else -1)):
@@ -30,8 +31,9 @@ def follow(scene: Scene, body: int, seeds: dict[int, Floats]) -> States:
 
 def seeded(scene: Scene, body: int, frame: int, pose: Floats) -> State:
     """State at a seed: refined, but held within a share of the body's size."""
-    prior = scene.settings.hold * scene.bodies[body].unit
-    starts = scene.bodies[body].angles()
+    shape = scene.bodies[body]
+    prior = max(scene.settings.hold, scene.settings.hold_pixels / shape.radius(pose)) * shape.unit
+    starts = shape.angles()
     prior[2] = np.pi / 8 if len(starts) > 1 else scene.settings.turn
     states = [state_at(scene, body, frame, pose + [0.0, 0.0, a, 0.0], prior) for a in starts]
     return max(states, key=lambda s: score(scene, body, s, None))
@@ -44,12 +46,10 @@ def _walk(scene: Scene, body: int, frame: int, state: State, step: int, end: int
     before, velocity, missed, known = state.fit.pose, np.zeros(4), 0, False
     for k in range(frame + step, end, step):
         predicted = before + velocity * (missed + 1)
-        if missed and not _near_picture(scene, body, predicted):
-            predicted = before + velocity
-        reach = min(s.search * (1 + missed) * (1.0 if known else 1.6), s.search_most)
-        others = [before] if known and not missed else []
-        now = locate(scene, body, k, predicted, others, reach)
-        if not present(scene, now):
+        speed = float(np.linalg.norm(shape.centre(before + velocity) - shape.centre(before))) / shape.radius(before)
+        reach = min((s.search if known else 1.6 * s.search) * (1 + missed) + s.search_speed * speed, s.search_most)
+        now = locate(scene, body, k, predicted, [before] if known and not missed else [], before, reach)
+        if not present(scene, body, now):
             missed += 1
             continue
         velocity = (now.fit.pose - before) / (missed + 1)
@@ -59,12 +59,6 @@ def _walk(scene: Scene, body: int, frame: int, state: State, step: int, end: int
         before, missed, known = now.fit.pose, 0, True
         found[k] = now
     return found
-
-
-def _near_picture(scene: Scene, body: int, pose: Floats) -> bool:
-    """Whether a pose is within a few radii of the picture."""
-    centre, slack = scene.bodies[body].centre(pose), 3 * scene.bodies[body].radius(pose)
-    return bool(np.isfinite(centre).all() and (centre > -slack).all() and (centre < np.array([scene.film.width, scene.film.height]) + slack).all())
 
 
 def refit(scene: Scene, seeds: list[dict[int, Floats]]) -> list[States]:
@@ -81,11 +75,14 @@ def refit(scene: Scene, seeds: list[dict[int, Floats]]) -> list[States]:
                 state: State | None = seeded(scene, i, k, seeds[i][k])
             else:
                 state = _again(scene, i, k)
-            if state is None or (k not in seeds[i] and not present(scene, state)):
+            if state is None or (k not in seeds[i] and not present(scene, i, state)):
                 scene.poses[i, k] = np.nan
                 continue
             scene.poses[i, k] = state.fit.pose
             found[i][k] = state
+    for i, states in enumerate(found):
+        if states:
+            scene.usual[i] = np.median([state.contrast for state in states.values()])
     return found
 
 

@@ -17,7 +17,10 @@ from atw_mcp.perception.eye.shade import Shade, learn_shade, shade_places
 
 @dataclass
 class Scene:
-    """A film, its bodies, their poses (N, T, 4), NaN where a body is not seen, and what has been learned of pixels."""
+    """A film, its bodies, their poses (N, T, 4), NaN where a body is not seen, and what has been learned of pixels.
+
+    usual (N,): contrast of each body's pixels where it is seen [nats].
+    """
 
     film: Film
     bodies: list[Body]
@@ -26,10 +29,12 @@ class Scene:
     poses: Floats = field(init=False)
     colours: list[Colours | None] = field(init=False)
     shades: list[Shade | None] = field(init=False)
+    usual: Floats = field(init=False)
 
     def __post_init__(self) -> None:
         count = len(self.bodies)
         self.poses = np.full((count, self.film.count, 4), np.nan)
+        self.usual = np.zeros(count)
         self.colours, self.shades = [None] * count, [None] * count
 
     # --- likelihoods --------------------------------------------------------------------------------
@@ -159,7 +164,7 @@ class Scene:
         size = np.maximum(high - low, 0)
         return (int(low[0]), int(low[1])), (int(size[0]), int(size[1]))
 
-    def own_pixels(self, body: int, frame: int, pose: Floats) -> tuple[Array, Floats]:
+    def own_pixels(self, body: int, frame: int, pose: Floats, rough: bool = False) -> tuple[Array, Floats]:
         """Features (M, 3) and places on the body (M, 2) of pixels well inside its silhouette and not covered."""
         corner, size = self.window(body, pose, 1.0)
         if min(size) < 2:
@@ -177,11 +182,21 @@ class Scene:
         points = points[keep]
         if not len(points):
             return np.zeros((0, 3), np.float32), np.zeros((0, 2))
-        return self.film.at(frame, points), self.bodies[body].local(pose, points)
+        values = self.film.at(frame, points)
+        if rough:
+            expected, spread = self.background.at(points)
+            other = (np.abs(values - expected) > 4 * spread + 0.03).any(axis=1)
+            if other.mean() > 0.4:
+                points, values = points[other], values[other]
+        return values, self.bodies[body].local(pose, points)
 
-    def learn_body(self, body: int, frames: list[int]) -> None:
-        """Learn a body's colours from the frames where it is seen."""
-        seen = [self.own_pixels(body, k, self.poses[body, k]) for k in frames if np.isfinite(self.poses[body, k, 0])]
+    def learn_body(self, body: int, frames: list[int], *, rough: bool = False) -> None:
+        """Learn a body's colours from the frames where it is seen.
+
+        rough: poses are hints, whose silhouettes may hold background; pixels that look like it are left out, unless
+        most do.
+        """
+        seen = [self.own_pixels(body, k, self.poses[body, k], rough) for k in frames if np.isfinite(self.poses[body, k, 0])]
         if seen:
             values, local = np.concatenate([s[0] for s in seen]), np.concatenate([s[1] for s in seen])
             self.colours[body] = learn_colours(values, local, self.settings) or self.colours[body]

@@ -56,7 +56,7 @@ def observe(
     _place_words(scene, groups, held)
     for i, own in enumerate(held):
         if own and scene.colours[i] is None:
-            scene.learn_body(i, sorted(own))
+            scene.learn_body(i, sorted(own), rough=True)
     scene.poses[:] = np.nan
     states: list[States] = []
     for i, own in enumerate(held):
@@ -67,7 +67,7 @@ def observe(
         _learn(scene)
         states = refit(scene, held)
         states = reassign(scene, states, held)
-    return [_track(scene, i, found) for i, found in enumerate(states)], scene
+    return [_track(scene, i, found, held[i]) for i, found in enumerate(states)], scene
 
 
 def _none(film: Film) -> NDArray[np.bool_]:
@@ -176,7 +176,7 @@ def _tried(scene: Scene, bodies: list[int], poses: list[Floats], frame: int) -> 
     for i, pose in zip(bodies, poses, strict=True):
         for _ in range(3):
             scene.poses[i, frame] = pose
-            scene.learn_body(i, [frame])
+            scene.learn_body(i, [frame], rough=True)
             state = seeded(scene, i, frame, pose)
             pose = state.fit.pose
         area = abs(cv2.contourArea(scene.bodies[i].polygon(pose).astype(np.float32)))
@@ -198,7 +198,7 @@ def _learn(scene: Scene) -> None:
     scene.learn_shades(frames)
 
 
-def _track(scene: Scene, body: int, states: States) -> Track:
+def _track(scene: Scene, body: int, states: States, seeds: dict[int, Floats]) -> Track:
     s, shape, count = scene.settings, scene.bodies[body], scene.film.count
     poses, centres = np.full((count, 4), np.nan), np.full((count, 2), np.nan)
     errors, confidence = np.full(count, np.inf), np.zeros(count)
@@ -207,12 +207,28 @@ def _track(scene: Scene, body: int, states: States) -> Track:
         errors[k] = centre_error(scene, body, state.fit)
         size = shape.radius(state.fit.pose)
         confidence[k] = (1 - np.exp(-state.contrast / s.present)) * np.exp(-((2 * errors[k] / size) ** 2))
-    breaks = []
-    for k in range(2, count):
-        if np.isfinite(centres[k - 2 : k + 1]).all():
-            bend = np.linalg.norm(centres[k] - 2 * centres[k - 1] + centres[k - 2])
-            if bend > s.jump * shape.radius(poses[k]):
-                breaks.append(k)
-    for k in breaks:
-        confidence[k] *= 0.5
-    return Track(shape, poses, centres, errors, confidence, tuple(breaks))
+    breaks, tied = _continuity(scene, shape, centres, poses, seeds)
+    confidence[~tied] *= 0.5
+    return Track(shape, poses, centres, errors, confidence, breaks)
+
+
+def _continuity(
+    scene: Scene, shape: Body, centres: Floats, poses: Floats, seeds: dict[int, Floats]
+) -> tuple[tuple[int, ...], NDArray[np.bool_]]:
+    """Frames at which a body jumps, and whether each frame (T,) is tied to a seed by motion without jumps or gaps.
+
+    A jump is farther, by `jump` radii, than the motion around it goes in a frame.
+    """
+    s, seen = scene.settings, np.flatnonzero(np.isfinite(centres[:, 0]))
+    moved = np.linalg.norm(np.diff(centres[seen], axis=0), axis=1) / np.maximum(np.diff(seen), 1)
+    breaks, piece = [], np.zeros(len(seen), int)
+    for m, step in enumerate(moved):
+        around = np.concatenate([moved[max(m - 3, 0) : m], moved[m + 1 : m + 4]])
+        usual = float(np.max(around)) if len(around) else 0.0
+        jumped = step > s.jump * shape.radius(poses[seen[m + 1]]) + s.faster * usual
+        if jumped:
+            breaks.append(int(seen[m + 1]))
+        piece[m + 1] = piece[m] + (jumped or seen[m + 1] - seen[m] > s.gap)
+    tied = np.zeros(len(centres), bool)
+    tied[seen] = np.isin(piece, [p for p, k in zip(piece, seen, strict=True) if k in seeds])
+    return tuple(breaks), tied

@@ -58,16 +58,21 @@ class EyeSettings:
 
     # following
     search: float = 5.0  # [radii] around the prediction in which a body is searched for, more after each miss
-    search_most: float = 15.0  # [radii] of that at the most
+    search_speed: float = 1.3  # radii more for each radius of displacement a frame: it may bounce
+    search_most: float = 25.0  # [radii] of that at the most
     coarse: float = 4.0  # [px] radius of a body at the resolution of that search
     peaks: int = 3  # of the search that are refined
     present: float = 0.5  # [nats] contrast of mean log odds, inside over around, from which on a body is seen
+    fraction: float = 0.35  # of its usual contrast below which a body is not seen
     support: float = 10.0  # independent pixels that a body counts for: model errors of its pixels are alike
     visible: float = 0.08  # share of a body's area from which on it is seen
-    jump: float = 2.0  # [radii] between frames beyond the motion so far: a break
+    jump: float = 2.0  # [radii] between frames beyond the motion around: a break
+    faster: float = 1.5  # times the motion around that is no jump: a throw, a blow
+    gap: int = 4  # [frames] without sight after which another body may be taken for it
     motion: float = 0.5  # [radii] standard deviation of a frame's change of displacement
     rounds: int = 3  # of states, then colours
     hold: float = 0.3  # [radii] standard deviation of a seed: a centre given by eye
+    hold_pixels: float = 2.0  # [px] at least: what is drawn by eye is no better
     turn: float = 0.15  # [rad] standard deviation of a frame's change of angle
     growth: float = 0.02  # [log] standard deviation of an outline's scale from that of its seed
     outline_slack: float = 0.1  # [radii] by which a drawn outline is corrected at the most

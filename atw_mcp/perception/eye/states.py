@@ -27,9 +27,10 @@ class State:
         return self.inside - max(self.around, 0.0)
 
 
-def present(scene: Scene, state: State) -> bool:
-    """Check that pixels show a body at a state."""
-    return state.contrast > scene.settings.present and state.visible > scene.settings.visible
+def present(scene: Scene, body: int, state: State) -> bool:
+    """Check that pixels show a body at a state about as well as they do where it is known to be."""
+    s = scene.settings
+    return state.contrast > max(s.present, s.fraction * scene.usual[body]) and state.visible > s.visible
 
 
 def state_at(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | None = None, coarse: int = 0) -> State:
@@ -87,8 +88,10 @@ def peaks(scene: Scene, body: int, frame: int, pose: Floats, reach: float) -> li
     return found
 
 
-def locate(scene: Scene, body: int, frame: int, predicted: Floats, others: list[Floats], reach: float) -> State:
-    """Best state of a body in a frame: about its prediction and other poses, then by search within `reach` [radii]."""
+def locate(
+    scene: Scene, body: int, frame: int, predicted: Floats, others: list[Floats], about: Floats, reach: float
+) -> State:
+    """Best state of a body in a frame: at its prediction and other poses, then by search `about` a pose [radii]."""
     prior = motion_prior(scene, body)
     best: State | None = None
     high = -np.inf
@@ -98,8 +101,8 @@ def locate(scene: Scene, body: int, frame: int, predicted: Floats, others: list[
         if value > high:
             best, high = state, value
     assert best is not None
-    if reach and not (present(scene, best) and best.fit.decided > 0.5):
-        for pose in peaks(scene, body, frame, predicted, reach):
+    if reach and not (present(scene, body, best) and best.fit.decided > 0.5):
+        for pose in peaks(scene, body, frame, about, reach):
             state = state_at(scene, body, frame, pose, prior)
             value = score(scene, body, state, predicted)
             if value > high:
