@@ -164,7 +164,7 @@ class Outline:
     shape: Floats
     layer: float = 0.0
     round: bool = False
-    scales: bool = True
+    scales: bool = False
 
     @property
     def free(self) -> NDArray[np.bool_]:
@@ -172,8 +172,8 @@ class Outline:
 
     @property
     def nuisance(self) -> tuple[float, float]:
-        """None: its scale is free, and its outline is corrected."""
-        return (1e-3, 1e-3)
+        """What is drawn by eye is off by a pixel; where the scale is free, that holds it."""
+        return (1e-3 if self.scales else 1.0, 1e-3)
 
     @property
     def unit(self) -> Floats:
@@ -224,12 +224,6 @@ class Outline:
     def angles(self) -> list[float]:
         """Angles from which a search begins."""
         return [0.0]
-
-    def corrected(self, along: Floats, points: Floats) -> Outline:
-        """The outline displaced by `along` (N,) [px] at points (N, 2) of its own frame, along its normals."""
-        contour = _sampled(self.shape, np.zeros((1, *self.shape.shape)), len(points))
-        shape = contour.points + contour.normals * along[:, None]
-        return replace(self, shape=shape - _centroid(shape))
 
 
 def outline_of(name: str, polygon: Floats, *, round: bool = False) -> tuple[Outline, Floats]:

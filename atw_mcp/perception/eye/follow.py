@@ -2,31 +2,110 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from atw_mcp.perception.eye.bodies import Outline
 from atw_mcp.perception.eye.likelihood import Scene
 from atw_mcp.perception.eye.pixels import Floats
-from atw_mcp.perception.eye.states import State, locate, motion_prior, present, score, state_at
+from atw_mcp.perception.eye.states import State, candidates, motion_prior, present, score, state_at
 
 States = dict[int, State]
 
 
-def follow(scene: Scene, body: int, seeds: dict[int, Floats]) -> States:
-    """States of a body in the frames where it is seen, from its poses (4,) at the seeds' frames, which hold.
+@dataclass
+class _Walker:
+    """A body on its way from a seed, forward (step 1) or backward (-1), until frame `end`, which is left out."""
 
-    Between two seeds a frame takes the state of the nearer one that has one.
+    body: int
+    seed: int
+    step: int
+    end: int
+    before: Floats
+    velocity: Floats = field(default_factory=lambda: np.zeros(4))
+    missed: int = 0
+    known: bool = False
+
+    def predicted(self) -> Floats:
+        return self.before + self.velocity * (self.missed + 1)
+
+    def advance(self, scene: Scene, state: State | None) -> None:
+        """Take the state of a frame, or none."""
+        if state is None:
+            self.missed += 1
+            return
+        velocity = (state.fit.pose - self.before) / (self.missed + 1)
+        velocity[2] = np.clip(velocity[2], -scene.settings.turn, scene.settings.turn)
+        if isinstance(scene.bodies[self.body], Outline):
+            velocity[3] = 0.0
+        self.velocity, self.before, self.missed, self.known = velocity, state.fit.pose, 0, True
+
+
+def follow(scene: Scene, seeds: list[dict[int, Floats]]) -> list[States]:
+    """States of all bodies in the frames where they are seen, from their poses (4,) at the seeds' frames, which hold.
+
+    In each frame all bodies are assigned together: a place is one body's. Between two seeds a frame takes the state of
+    the nearer one that has one. The scene's poses are set.
     """
-    frames = sorted(seeds)
-    found: States = {k: seeded(scene, body, k, seeds[k]) for k in frames}
-    scene.usual[body] = np.median([state.contrast for state in found.values()])
-    near: dict[int, int] = dict.fromkeys(frames, 0)
-    for position, k in enumerate(frames):
-        for step, end in ((1, frames[position + 1] if position + 1 < len(frames) else scene.film.count), (-1, frames[position - 1] if position else -1)):
-            for frame, state in _walk(scene, body, k, found[k], step, end).items():
-                if abs(frame - k) < near.get(frame, scene.film.count):
-                    found[frame], near[frame] = state, abs(frame - k)
+    found: list[States] = []
+    walkers: list[_Walker] = []
+    for i, own in enumerate(seeds):
+        frames = sorted(own)
+        found.append({k: seeded(scene, i, k, own[k]) for k in frames})
+        if frames:
+            scene.usual[i] = np.median([state.contrast for state in found[i].values()])
+        for position, k in enumerate(frames):
+            pose = found[i][k].fit.pose
+            scene.poses[i, k] = pose
+            after = frames[position + 1] if position + 1 < len(frames) else scene.film.count
+            walkers.append(_Walker(i, k, 1, after, pose))
+            walkers.append(_Walker(i, k, -1, frames[position - 1] if position else -1, pose))
+    near = [dict.fromkeys(own, 0) for own in seeds]
+    for step in (1, -1):
+        for k in range(scene.film.count)[::step]:
+            active = [w for w in walkers if w.step == step and (k - w.seed) * step > 0 and (w.end - k) * step > 0]
+            for walker, state in zip(active, _assigned(scene, active, k), strict=True):
+                walker.advance(scene, state)
+                if state is not None and abs(k - walker.seed) < near[walker.body].get(k, scene.film.count):
+                    found[walker.body][k], near[walker.body][k] = state, abs(k - walker.seed)
+                    scene.poses[walker.body, k] = state.fit.pose
     return found
+
+
+def _assigned(scene: Scene, walkers: list[_Walker], frame: int) -> list[State | None]:
+    """State of each walker in a frame, or none, so that the sum of scores is largest and no place is taken twice."""
+    s = scene.settings
+    options = []
+    for w in walkers:
+        shape = scene.bodies[w.body]
+        moved = np.linalg.norm(shape.centre(w.before + w.velocity) - shape.centre(w.before)) / shape.radius(w.before)
+        reach = (s.search if w.known else 1.6 * s.search) * (1 + w.missed) + s.search_speed * float(moved)
+        others = [w.before] if w.known and not w.missed else []
+        options.append(candidates(scene, w.body, frame, w.predicted(), others, w.before, min(reach, s.search_most)))
+    places: list[Floats] = []
+    columns: list[list[int]] = []
+    for w, states in zip(walkers, options, strict=True):
+        shape, own = scene.bodies[w.body], []
+        for _, state in states:
+            centre, radius = shape.centre(state.fit.pose), shape.radius(state.fit.pose)
+            at = [m for m, place in enumerate(places) if np.linalg.norm(place - centre) < s.apart * radius]
+            if not at:
+                places.append(centre)
+            own.append(at[0] if at else len(places) - 1)
+        columns.append(own)
+    gain = np.zeros((len(walkers), len(places) + len(walkers)))
+    gain[:, : len(places)] = -np.inf
+    for row, (states, own) in enumerate(zip(options, columns, strict=True)):
+        for (value, _), column in zip(states, own, strict=True):
+            gain[row, column] = max(gain[row, column], value)
+    chosen = linear_sum_assignment(np.where(np.isfinite(gain), gain, -1e6), maximize=True)[1] if len(walkers) else []
+    result: list[State | None] = []
+    for column, states, own in zip(chosen, options, columns, strict=True):
+        fitting = [option for option, at in zip(states, own, strict=True) if at == column]
+        result.append(max(fitting, key=lambda option: option[0])[1] if fitting else None)
+    return result
 
 
 def seeded(scene: Scene, body: int, frame: int, pose: Floats) -> State:
@@ -37,28 +116,6 @@ def seeded(scene: Scene, body: int, frame: int, pose: Floats) -> State:
     prior[2] = np.pi / 8 if len(starts) > 1 else scene.settings.turn
     states = [state_at(scene, body, frame, pose + [0.0, 0.0, a, 0.0], prior) for a in starts]
     return max(states, key=lambda s: score(scene, body, s, None))
-
-
-def _walk(scene: Scene, body: int, frame: int, state: State, step: int, end: int) -> States:
-    """States after (step 1) or before (-1) a frame until `end`, which is left out."""
-    s, shape = scene.settings, scene.bodies[body]
-    found: States = {}
-    before, velocity, missed, known = state.fit.pose, np.zeros(4), 0, False
-    for k in range(frame + step, end, step):
-        predicted = before + velocity * (missed + 1)
-        speed = float(np.linalg.norm(shape.centre(before + velocity) - shape.centre(before))) / shape.radius(before)
-        reach = min((s.search if known else 1.6 * s.search) * (1 + missed) + s.search_speed * speed, s.search_most)
-        now = locate(scene, body, k, predicted, [before] if known and not missed else [], before, reach)
-        if not present(scene, body, now):
-            missed += 1
-            continue
-        velocity = (now.fit.pose - before) / (missed + 1)
-        velocity[2] = np.clip(velocity[2], -s.turn, s.turn)
-        if isinstance(shape, Outline):
-            velocity[3] = 0.0
-        before, missed, known = now.fit.pose, 0, True
-        found[k] = now
-    return found
 
 
 def refit(scene: Scene, seeds: list[dict[int, Floats]]) -> list[States]:

@@ -58,11 +58,7 @@ def observe(
         if own and scene.colours[i] is None:
             scene.learn_body(i, sorted(own), rough=True)
     scene.poses[:] = np.nan
-    states: list[States] = []
-    for i, own in enumerate(held):
-        states.append(follow(scene, i, own) if own else {})
-        for k, state in states[i].items():
-            scene.poses[i, k] = state.fit.pose
+    states = follow(scene, held)
     for _ in range(settings.rounds):
         _learn(scene)
         states = refit(scene, held)

@@ -64,7 +64,7 @@ def seed_pose(body: Body, seed: Seed) -> Floats | None:
         return None
     pose = body.placed(centre, np.zeros(4))
     polygon = seed.polygon()
-    if isinstance(body, Outline) and polygon is not None:
+    if isinstance(body, Outline) and body.scales and polygon is not None:
         pose[3] = np.log(outline_of("", polygon)[0].radius(np.zeros(4)) / body.radius(np.zeros(4)))
     if not np.isfinite(pose).all():
         raise ValueError(f"{body.name}: the seed of frame {seed.frame} lies above the horizon of the plane of motion")

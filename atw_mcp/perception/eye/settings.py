@@ -57,6 +57,8 @@ class EyeSettings:
     systematic: float = 0.02  # of a radius: error of a pose that no curvature shows (colours, shape)
 
     # following
+    weak: float = 0.7  # of its usual contrast below which a body is searched for also elsewhere
+    apart: float = 0.7  # [radii] below which two bodies' places are one, which only one of them can take
     search: float = 5.0  # [radii] around the prediction in which a body is searched for, more after each miss
     search_speed: float = 1.3  # radii more for each radius of displacement a frame: it may bounce
     search_most: float = 25.0  # [radii] of that at the most
@@ -75,7 +77,6 @@ class EyeSettings:
     hold_pixels: float = 2.0  # [px] at least: what is drawn by eye is no better
     turn: float = 0.15  # [rad] standard deviation of a frame's change of angle
     growth: float = 0.02  # [log] standard deviation of an outline's scale from that of its seed
-    outline_slack: float = 0.1  # [radii] by which a drawn outline is corrected at the most
 
     # masks
     smooth: float = 1.2  # [nats] price of a pair of neighbours of different states

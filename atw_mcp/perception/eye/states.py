@@ -88,23 +88,22 @@ def peaks(scene: Scene, body: int, frame: int, pose: Floats, reach: float) -> li
     return found
 
 
-def locate(
+def candidates(
     scene: Scene, body: int, frame: int, predicted: Floats, others: list[Floats], about: Floats, reach: float
-) -> State:
-    """Best state of a body in a frame: at its prediction and other poses, then by search `about` a pose [radii]."""
+) -> list[tuple[float, State]]:
+    """Scored states of a body in a frame: at its prediction and other poses; by search `about` a pose, within `reach`
+    [radii], where those look weak. None where it is not seen."""
     prior = motion_prior(scene, body)
-    best: State | None = None
-    high = -np.inf
+    found: list[tuple[float, State]] = []
+
+    def attempt(pose: Floats, coarse: int) -> None:
+        state = state_at(scene, body, frame, pose, prior, coarse)
+        if present(scene, body, state):
+            found.append((score(scene, body, state, predicted), state))
+
     for pose in [predicted, *others]:
-        state = state_at(scene, body, frame, pose, prior, coarse=1)
-        value = score(scene, body, state, predicted)
-        if value > high:
-            best, high = state, value
-    assert best is not None
-    if reach and not (present(scene, body, best) and best.fit.decided > 0.5):
+        attempt(pose, 1)
+    if not any(state.contrast > scene.settings.weak * scene.usual[body] for _, state in found):
         for pose in peaks(scene, body, frame, about, reach):
-            state = state_at(scene, body, frame, pose, prior)
-            value = score(scene, body, state, predicted)
-            if value > high:
-                best, high = state, value
-    return best
+            attempt(pose, 0)
+    return found
