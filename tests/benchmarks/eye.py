@@ -33,7 +33,19 @@ CONFIDENT = 0.8
 
 CUP = np.array([(-3.5, -2.0), (3.5, -2.0), (2.0, 2.0), (-2.0, 2.0)])
 CUPS = [(177.5, 52.5), (188, 57), (203, 63.5), (213, 69), (227, 70.5), (238, 73), (250.5, 75), (262, 73.5)]
-CART = [(209, 263), (219, 262), (338, 244), (343, 240), (350, 246), (357, 258), (358, 274), (343, 276), (224, 297), (210, 298), (206, 275)]
+CART = [
+    (209, 263),
+    (219, 262),
+    (338, 244),
+    (343, 240),
+    (350, 246),
+    (357, 258),
+    (358, 274),
+    (343, 276),
+    (224, 297),
+    (210, 298),
+    (206, 275),
+]
 FILMS: dict[str, list[Seed]] = {
     "BallDrop.mp4": [Seed("ball", "circle", 8, (198.0, 97.0, 5.5))],
     "BallTossOut.mp4": [Seed("ball", "circle", 10, (128, 206.5, 5.2))],
@@ -68,11 +80,16 @@ def clip(name: str, truth: dict[str, Any]) -> tuple[list[dict[str, Any]], list[T
         pixel = np.array([np.linalg.norm(c - track.body.centre(p)) for c, p in zip(track.centres, poses, strict=True)])
         size = np.array([track.body.radius(p) for p in poses])
         found = np.isfinite(error)
-        rows.append({
-            "name": track.body.name, "cm": error[shown & found], "px": pixel[shown & found],
-            "lost": int((shown & ~found).sum()), "wrong": int((found & (pixel > 0.5 * size) & (track.confidence > CONFIDENT)).sum()),
-            "ratio": (pixel / track.errors)[shown & found],
-        })
+        rows.append(
+            {
+                "name": track.body.name,
+                "cm": error[shown & found],
+                "px": pixel[shown & found],
+                "lost": int((shown & ~found).sum()),
+                "wrong": int((found & (pixel > 0.5 * size) & (track.confidence > CONFIDENT)).sum()),
+                "ratio": (pixel / track.errors)[shown & found],
+            }
+        )
     return rows, tracks, frames, seconds
 
 
@@ -88,7 +105,18 @@ def film(name: str) -> tuple[list[Track], np.ndarray, float]:
     frames = read_frames(SHARED / "films" / name)
     if name in INTERLACED:
         rows = frames[:, ::2]
-        frames = np.stack([cv2.warpAffine(f, np.float32([[1, 0, 0], [0, 2, 0]]), (f.shape[1], 2 * f.shape[0]), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for f in rows])
+        frames = np.stack(
+            [
+                cv2.warpAffine(
+                    f,
+                    np.float32([[1, 0, 0], [0, 2, 0]]),
+                    (f.shape[1], 2 * f.shape[0]),
+                    flags=cv2.INTER_LINEAR,
+                    borderMode=cv2.BORDER_REPLICATE,
+                )
+                for f in rows
+            ]
+        )
     seeds = FILMS[name]
     bodies = [outline_body(s.body, s) for s in seeds]
     began = time.process_time()
@@ -105,7 +133,9 @@ def references(name: str, tracks: list[Track]) -> list[np.ndarray]:
             for r in rows:
                 k = int(r["frame"])
                 if k < len(error):
-                    error[k] = np.hypot(track.centres[k, 0] - r[f"{track.body.name}_u"], track.centres[k, 1] - r[f"{track.body.name}_v"])
+                    error[k] = np.hypot(
+                        track.centres[k, 0] - r[f"{track.body.name}_u"], track.centres[k, 1] - r[f"{track.body.name}_v"]
+                    )
     if name == "cart_on_incline.mp4":
         rows = [{k: float(v) if v else np.nan for k, v in r.items()} for r in _read("cart_on_incline_tracker.csv")]
         index = np.array([round(r["t"] * 30) for r in rows])
@@ -119,7 +149,9 @@ def references(name: str, tracks: list[Track]) -> list[np.ndarray]:
             inside = (index + shift >= 0) & (index + shift < len(tracks[0].centres))
             to = tracks[0].centres[np.where(inside, index + shift, 0)]
             inside &= np.isfinite(to[:, 0])
-            matrix, _ = cv2.estimateAffine2D(place[inside].astype(np.float32), to[inside].astype(np.float32), ransacReprojThreshold=2.0)
+            matrix, _ = cv2.estimateAffine2D(
+                place[inside].astype(np.float32), to[inside].astype(np.float32), ransacReprojThreshold=2.0
+            )
             left = np.linalg.norm(np.c_[place, np.ones(len(place))] @ matrix.T - to, axis=1)
             if best is None or np.nanmedian(left[inside]) < np.nanmedian(best[index]):
                 best = np.full(len(empty[0]), np.nan)
@@ -135,7 +167,16 @@ def _read(name: str) -> list[dict[str, str]]:
 
 def draw(path: Path, tracks: list[Track], frames: np.ndarray, count: int = 12) -> None:
     """Write a sheet of frames with the silhouettes that were found."""
-    colours = [(255, 255, 0), (0, 255, 255), (255, 0, 255), (0, 255, 0), (0, 128, 255), (255, 128, 0), (128, 0, 255), (255, 255, 255)]
+    colours = [
+        (255, 255, 0),
+        (0, 255, 255),
+        (255, 0, 255),
+        (0, 255, 0),
+        (0, 128, 255),
+        (255, 128, 0),
+        (128, 0, 255),
+        (255, 255, 255),
+    ]
     pictures = []
     for k in np.unique(np.linspace(0, len(frames) - 1, count).astype(int)):
         picture = frames[k].copy()
@@ -164,13 +205,17 @@ def sliding(only: str | None, pictures: Path | None) -> None:
         print(f"{name}  {seconds:.1f} s")
         for r in rows:
             cm = r["cm"] if len(r["cm"]) else np.array([np.nan])
-            print(f"  {r['name']:<24} {np.median(cm):.2f} / {np.percentile(cm, 90):.2f} / {cm.max():.2f} cm  lost {r['lost']}  wrong {r['wrong']}")
+            print(
+                f"  {r['name']:<24} {np.median(cm):.2f} / {np.percentile(cm, 90):.2f} / {cm.max():.2f} cm  lost {r['lost']}  wrong {r['wrong']}"
+            )
         if pictures:
             draw(pictures / f"{name}.png", tracks, frames)
     cm, ratio = np.concatenate([r["cm"] for r in every]), np.concatenate([r["ratio"] for r in every])
     px = np.concatenate([r["px"] for r in every])
-    print(f"sliding  median {np.median(cm):.2f} cm  90% {np.percentile(cm, 90):.2f} cm  ({np.median(px):.2f} px)  bodies-frames {len(cm)}  "
-          f"over 20 cm {(cm > 20).sum()}  lost {sum(r['lost'] for r in every)}  wrong {sum(r['wrong'] for r in every)}  error over sigma, median {np.median(ratio):.2f}")
+    print(
+        f"sliding  median {np.median(cm):.2f} cm  90% {np.percentile(cm, 90):.2f} cm  ({np.median(px):.2f} px)  bodies-frames {len(cm)}  "
+        f"over 20 cm {(cm > 20).sum()}  lost {sum(r['lost'] for r in every)}  wrong {sum(r['wrong'] for r in every)}  error over sigma, median {np.median(ratio):.2f}"
+    )
 
 
 def films(only: str | None, pictures: Path | None) -> None:
@@ -186,11 +231,17 @@ def films(only: str | None, pictures: Path | None) -> None:
         for t, error in zip(tracks, references(name, tracks), strict=True):
             seen = np.flatnonzero(np.isfinite(t.centres[:, 0]))
             known = error[np.isfinite(error)]
-            text = f"reference {np.median(known):.2f} / {np.percentile(known, 90):.2f} px of {len(known)}" if len(known) else "no reference"
+            text = (
+                f"reference {np.median(known):.2f} / {np.percentile(known, 90):.2f} px of {len(known)}"
+                if len(known)
+                else "no reference"
+            )
             size = t.body.radius(t.poses[seen[0]]) if len(seen) else np.nan
             wrong = int(((error > 0.5 * size) & (t.confidence > CONFIDENT)).sum())
-            print(f"  {t.body.name:<8} frames {seen.min() if len(seen) else '-'}..{seen.max() if len(seen) else '-'} ({len(seen)})  {text}  wrong {wrong}  "
-                  f"sigma {np.median(t.errors[seen]) if len(seen) else np.nan:.2f} px  confidence {np.median(t.confidence[seen]) if len(seen) else 0:.2f} least {t.confidence[seen].min() if len(seen) else 0:.2f}  breaks {list(t.breaks)}")
+            print(
+                f"  {t.body.name:<8} frames {seen.min() if len(seen) else '-'}..{seen.max() if len(seen) else '-'} ({len(seen)})  {text}  wrong {wrong}  "
+                f"sigma {np.median(t.errors[seen]) if len(seen) else np.nan:.2f} px  confidence {np.median(t.confidence[seen]) if len(seen) else 0:.2f} least {t.confidence[seen].min() if len(seen) else 0:.2f}  breaks {list(t.breaks)}"
+            )
         if pictures:
             draw(pictures / f"{name}.png", tracks, frames, 16)
 

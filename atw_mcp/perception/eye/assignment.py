@@ -66,8 +66,18 @@ def _kinds(scene: Scene) -> list[int]:
             sizes = [scene.bodies[m].unit[0] for m in (i, j)]
             shape = [getattr(scene.bodies[m], "kind", "outline") for m in (i, j)]
             apart = min(
-                float(np.abs((own.means[:, None] - other.means) / np.hypot(own.spreads[:, None], other.spreads)).max(-1).min(1).mean()),
-                float(np.abs((other.means[:, None] - own.means) / np.hypot(other.spreads[:, None], own.spreads)).max(-1).min(1).mean()),
+                float(
+                    np.abs((own.means[:, None] - other.means) / np.hypot(own.spreads[:, None], other.spreads))
+                    .max(-1)
+                    .min(1)
+                    .mean()
+                ),
+                float(
+                    np.abs((other.means[:, None] - own.means) / np.hypot(other.spreads[:, None], own.spreads))
+                    .max(-1)
+                    .min(1)
+                    .mean()
+                ),
             )
             if abs(np.log(sizes[0] / sizes[1])) < 0.25 and shape[0] == shape[1] and apart < 2.0:
                 kind = kinds[j]
@@ -84,7 +94,10 @@ def _meetings(scene: Scene, states: list[States]) -> list[tuple[int, int, int, i
         for k in sorted(set(states[a]) & set(states[b])):
             one, other = states[a][k].fit.pose, states[b][k].fit.pose
             reach = scene.bodies[a].radius(one) + scene.bodies[b].radius(other)
-            if np.linalg.norm(scene.bodies[a].centre(one) - scene.bodies[b].centre(other)) < scene.settings.meeting * reach:
+            if (
+                np.linalg.norm(scene.bodies[a].centre(one) - scene.bodies[b].centre(other))
+                < scene.settings.meeting * reach
+            ):
                 near.append(k)
         for group in np.split(np.array(near), np.flatnonzero(np.diff(near) > 2) + 1) if near else []:
             found.append((int(group[0]), int(group[-1]), a, b))

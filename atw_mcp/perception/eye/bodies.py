@@ -97,7 +97,9 @@ class Solid:
             across = np.cross(axis, [0.0, 0.0, 1.0] if abs(axis[2]) < 0.9 else [1.0, 0.0, 0.0])
             across /= np.linalg.norm(across)
             ring = CIRCLE @ np.stack([across, np.cross(axis, across)])
-            return np.asarray(middle + axis * radius**2 / distance + radius * np.sqrt(1 - (radius / distance) ** 2) * ring)
+            return np.asarray(
+                middle + axis * radius**2 / distance + radius * np.sqrt(1 - (radius / distance) ** 2) * ring
+            )
         flat = CIRCLE if self.kind == "cylinder" else np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
         flat = flat * self.half[:2]
         cosine, sine = np.cos(pose[2]), np.sin(pose[2])

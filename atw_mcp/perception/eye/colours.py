@@ -63,9 +63,13 @@ def learn_colours(values: Array, local: Floats, settings: EyeSettings) -> Colour
     index = np.clip((local + 1) * (0.5 * cells), 0, cells - 1).astype(int)
     counts = np.zeros((cells, cells, count), np.float32)
     np.add.at(counts, (index[:, 1], index[:, 0]), parts)
-    counts = cv2.GaussianBlur(counts, (0, 0), settings.cell_blur, borderType=cv2.BORDER_REPLICATE).reshape(cells, cells, -1)
+    counts = cv2.GaussianBlur(counts, (0, 0), settings.cell_blur, borderType=cv2.BORDER_REPLICATE).reshape(
+        cells, cells, -1
+    )
     overall = parts.mean(axis=0) + 1e-3
     overall /= overall.sum()
     prior = settings.place_prior * min(1.0, len(values) / 500.0)
     shares = (counts + prior * overall) / (counts.sum(axis=-1, keepdims=True) + prior)
-    return Colours(means.astype(np.float32), spreads.astype(np.float32), np.log(np.maximum(shares, 1e-4)).astype(np.float32))
+    return Colours(
+        means.astype(np.float32), spreads.astype(np.float32), np.log(np.maximum(shares, 1e-4)).astype(np.float32)
+    )

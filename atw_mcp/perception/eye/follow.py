@@ -160,5 +160,8 @@ def _again(scene: Scene, body: int, frame: int) -> State | None:
     far = [p for p in starts[1:] if np.linalg.norm(centre(p) - first) > 0.3 * radius(starts[0])]
     course = starts[-1] if len(starts) > 1 else None
     prior = motion_prior(scene, body)
-    states = [state_at(scene, body, frame, p, prior, coarse=2 if p is starts[0] and known[frame] else 1) for p in [starts[0], *far]]
+    states = [
+        state_at(scene, body, frame, p, prior, coarse=2 if p is starts[0] and known[frame] else 1)
+        for p in [starts[0], *far]
+    ]
     return max(states, key=lambda s: score(scene, body, s, course))

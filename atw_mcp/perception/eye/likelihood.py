@@ -142,7 +142,10 @@ class Scene:
         low, high = ring.min(axis=0), ring.max(axis=0)
         pitch = max(0.5, float((high - low).max()) / 26)
         u, v = (np.arange(a, b + pitch, pitch) for a, b in zip(low, high, strict=True))
-        kinds = [filled((p - low) / pitch, (0, 0), (len(u), len(v))) for p in (polygon, middle + (polygon - middle) * grow, ring)]
+        kinds = [
+            filled((p - low) / pitch, (0, 0), (len(u), len(v)))
+            for p in (polygon, middle + (polygon - middle) * grow, ring)
+        ]
         inner, outer = kinds[0], kinds[2] & ~kinds[1]
         grid = np.stack(np.meshgrid(u, v), axis=-1)
         points = np.concatenate([grid[inner], grid[outer]])
@@ -196,7 +199,9 @@ class Scene:
         rough: poses are hints, whose silhouettes may hold background; pixels that look like it are left out, unless
         most do.
         """
-        seen = [self.own_pixels(body, k, self.poses[body, k], rough) for k in frames if np.isfinite(self.poses[body, k, 0])]
+        seen = [
+            self.own_pixels(body, k, self.poses[body, k], rough) for k in frames if np.isfinite(self.poses[body, k, 0])
+        ]
         if seen:
             values, local = np.concatenate([s[0] for s in seen]), np.concatenate([s[1] for s in seen])
             self.colours[body] = learn_colours(values, local, self.settings) or self.colours[body]

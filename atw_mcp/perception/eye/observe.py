@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from atw_mcp.perception.eye.assignment import reassign
 from atw_mcp.perception.eye.bodies import Body
-from atw_mcp.perception.eye.follow import States, follow, refit
+from atw_mcp.perception.eye.colours import Colours, learn_colours
+from atw_mcp.perception.eye.follow import States, follow, refit, seeded
 from atw_mcp.perception.eye.likelihood import Scene
-from atw_mcp.perception.eye.pixels import Film, Floats, features, learn_background
+from atw_mcp.perception.eye.pixels import Film, Floats, features, filled, learn_background
 from atw_mcp.perception.eye.seeds import GREYS, Seed, seed_pose, word_map, word_places
 from atw_mcp.perception.eye.settings import EyeSettings
 from atw_mcp.perception.eye.silhouette import centre_error
@@ -57,6 +58,7 @@ def observe(
     for i, own in enumerate(held):
         if own and scene.colours[i] is None:
             scene.learn_body(i, sorted(own), rough=True)
+    scene.background = learn_background(film, _at_seeds(scene, held) | _alike(scene))
     scene.poses[:] = np.nan
     states = follow(scene, held)
     for _ in range(settings.rounds):
@@ -108,9 +110,31 @@ def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
     return covered
 
 
-def _mask(scene: Scene, body: int, pose: Floats, corner: tuple[int, int], size: tuple[int, int]) -> NDArray[np.bool_]:
-    from atw_mcp.perception.eye.pixels import filled
+def _alike(scene: Scene) -> NDArray[np.bool_]:
+    """Pixels (S, H, W) that change over the clip and have a body's colours, which are rare in the film.
 
+    A body that stands somewhere for most of the clip would else be the median there. Pixels that always do are left.
+    """
+    s, film = scene.settings, scene.film
+    frames = film.frames[film.chosen()]
+    covered = np.zeros(frames.shape[:3], bool)
+    rows, columns = np.nonzero((frames.max(axis=0) - frames.min(axis=0)).max(axis=-1) > s.changed_levels)
+    usual = features(frames[:: max(1, len(frames) // 4)].reshape(-1, 3)[::97].astype(np.float32), s)
+    film_colours = learn_colours(usual, np.zeros((len(usual), 2)), s)
+    if film_colours is None or not len(rows):
+        return covered
+    values = features(frames[:, rows, columns].astype(np.float32), s)
+    alike = np.zeros(values.shape[:2], bool)
+    for colours in scene.colours:
+        if colours is not None:
+            for row, own in enumerate(values):
+                alike[row] |= colours.log_density(own) - film_colours.log_density(own) > s.rare
+    alike[:, alike.all(axis=0)] = False
+    covered[:, rows, columns] = alike
+    return covered
+
+
+def _mask(scene: Scene, body: int, pose: Floats, corner: tuple[int, int], size: tuple[int, int]) -> NDArray[np.bool_]:
     polygon, middle = scene.bodies[body].polygon(pose), scene.bodies[body].centre(pose)
     return filled(middle + (polygon - middle) * (1 + 2.0 / max(scene.bodies[body].radius(pose), 1.0)), corner, size)
 
@@ -165,9 +189,9 @@ def _place_words(scene: Scene, groups: list[_Group], held: list[dict[int, Floats
                 held[i][best], scene.colours[i] = pose, colours
 
 
-def _tried(scene: Scene, bodies: list[int], poses: list[Floats], frame: int) -> tuple[float, list[tuple[int, Floats, object]]]:
-    from atw_mcp.perception.eye.follow import seeded
-
+def _tried(
+    scene: Scene, bodies: list[int], poses: list[Floats], frame: int
+) -> tuple[float, list[tuple[int, Floats, Colours | None]]]:
     total, found = 0.0, []
     for i, pose in zip(bodies, poses, strict=True):
         for _ in range(3):

@@ -110,7 +110,10 @@ def word_places(evidence: Array, body: Body, count: int) -> list[tuple[float, Fl
     radius = _radii(body, places)
     low, high = places - radius[:, None], places + radius[:, None]
     size = [width, height]
-    a, b = np.clip(np.nan_to_num(low).round(), 0, size).astype(int), np.clip(np.nan_to_num(high).round(), 0, size).astype(int)
+    a, b = (
+        np.clip(np.nan_to_num(low).round(), 0, size).astype(int),
+        np.clip(np.nan_to_num(high).round(), 0, size).astype(int),
+    )
     sums = total[b[:, 1], b[:, 0]] - total[a[:, 1], b[:, 0]] - total[b[:, 1], a[:, 0]] + total[a[:, 1], a[:, 0]]
     means = np.where(radius > 1.5, sums / np.maximum(4 * radius**2, 1.0), -np.inf)
     found: list[tuple[float, Floats]] = []

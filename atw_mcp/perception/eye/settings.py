@@ -27,6 +27,8 @@ class EyeSettings:
 
     # background and shade
     background_frames: int = 30  # sampled over the clip for the background; its median is then good to 20% of noise
+    changed_levels: int = 24  # [levels] over the clip from which on a pixel may have shown a body
+    rare: float = 2.0  # [nats] by which a pixel looks like a body rather than like the film
     noise_floor: float = 0.012  # [feature] least noise of the background: rounding of levels of 100
     sharp: float = 0.25  # [px] by which edges of the background may be displaced: coding, shake
     free_shade: float = 0.12  # probability of a darkening that the shade around the body does not predict

@@ -26,7 +26,9 @@ class Fit:
     along: Floats
 
 
-def _pure_edges(scene: Scene, body: int, frame: int, pose: Floats, contour: Contour, reach: float) -> tuple[Floats, Floats]:
+def _pure_edges(
+    scene: Scene, body: int, frame: int, pose: Floats, contour: Contour, reach: float
+) -> tuple[Floats, Floats]:
     """Signed distance (N,) [px] of the edge from each normal of a contour, and its precision (N,) [1/px^2].
 
     The log likelihood of an edge at d is the sum of log odds up to d; its mean and variance are taken over a normal
@@ -80,7 +82,11 @@ def _mixed_edges(scene: Scene, frame: int, contour: Contour) -> tuple[Floats, Fl
     contrast = ((high - low) ** 2).sum(axis=-1)
     share = np.clip(((levels - low) * (high - low)).sum(axis=-1) / np.maximum(contrast, 1e-6), 0.0, 1.0)
     distance = (share[:, core] - 0.5).sum(axis=1) * s.step
-    spread = inside.var(axis=1).sum(axis=-1) + (outside - low[:, pure & (offsets > 0)]).var(axis=1).sum(axis=-1) + 3 * s.light_noise**2
+    spread = (
+        inside.var(axis=1).sum(axis=-1)
+        + (outside - low[:, pure & (offsets > 0)]).var(axis=1).sum(axis=-1)
+        + 3 * s.light_noise**2
+    )
     variance = s.edge_error**2 + s.mixed_near**2 * spread / np.maximum(contrast[:, core].mean(axis=1), 1e-6)
     shaded = np.abs(lit.reshape(shape)[:, pure & (offsets > 0)].mean(axis=1))
     variance += (s.shaded_edge * np.minimum(shaded, 1.0)) ** 2
