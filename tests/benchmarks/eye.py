@@ -5,7 +5,7 @@
 Data: ../shared/data/sliding, ../shared/data/films (README there). Errors of the clips are on the floor [cm] against
 true positions, of body-frames of which at least 15% are in the picture; bodies are given by shape, size and colour
 word. Of the films, centres are compared with references where there are some: colour centroids of the pucks, hand
-tracking of the cart (by the best similarity between centimetres and pixels), parabolas of free balls. wrong: frames
+tracking of the cart (along the incline, by the best line between centimetres and pixels), parabolas of free balls. wrong: frames
 whose error is more than half a body with a confidence above 0.8.
 """
 
@@ -144,21 +144,46 @@ def references(name: str, tracks: list[Track]) -> list[np.ndarray]:
         index, place = index[keep], place[keep]
         seen = np.isfinite(tracks[0].centres[index, 0])
         index, place = index[seen], place[seen]
+        along = _along(place)
         best: np.ndarray | None = None
-        for shift in (-1, 0, 1):
+        for shift in range(-3, 4):
             inside = (index + shift >= 0) & (index + shift < len(tracks[0].centres))
             to = tracks[0].centres[np.where(inside, index + shift, 0)]
             inside &= np.isfinite(to[:, 0])
-            matrix, _ = cv2.estimateAffine2D(
-                place[inside].astype(np.float32), to[inside].astype(np.float32), ransacReprojThreshold=2.0
-            )
-            left = np.linalg.norm(np.c_[place, np.ones(len(place))] @ matrix.T - to, axis=1)
-            if best is None or np.nanmedian(left[inside]) < np.nanmedian(best[index]):
+            pixels = np.full(len(along), np.nan)
+            pixels[inside] = _along(to[inside])
+            line, keep = np.zeros(2), inside
+            for _ in range(8):  # least squares without the farthest, from where either may be wrong
+                line = np.polyfit(along[keep], pixels[keep], 1)
+                left = np.abs(np.polyval(line, along) - pixels)
+                keep = inside & (left <= 3 * np.nanmedian(left[inside]) + 0.1)
+            if best is None or np.nanmedian(left) < np.nanmedian(best):
                 best = np.full(len(empty[0]), np.nan)
-                best[index] = np.where(inside, left, np.nan)
+                best[np.where(inside, index + shift, 0)[inside]] = left[inside]
         assert best is not None
         empty[0] = best
+    if name == "BallTossOut.mp4":
+        for track, error in zip(tracks, empty, strict=True):
+            free = np.arange(11, len(error))
+            free = free[np.isfinite(track.centres[free, 0])]
+            for _ in range(3):
+                fits = [np.polyfit(free, track.centres[free, axis], 2 - (axis == 0)) for axis in (0, 1)]
+                error[free] = np.hypot(*[np.polyval(f, free) - track.centres[free, a] for a, f in enumerate(fits)])
     return empty
+
+
+def _along(places: np.ndarray) -> np.ndarray:
+    """Places (T, 2) along their principal axis."""
+    apart = places - np.median(places, axis=0)
+    axis = np.linalg.svd(apart)[2][0]
+    return np.asarray(apart @ axis * np.sign(axis[0]))
+
+
+def straight(track: Track) -> float:
+    """Noise [px] of a coordinate of a track by third differences, which no smooth motion has."""
+    third = np.diff(track.centres, 3, axis=0)
+    third = third[np.isfinite(third)]
+    return float(1.48 * np.median(np.abs(third)) / np.sqrt(20)) if len(third) else np.nan
 
 
 def _read(name: str) -> list[dict[str, str]]:
@@ -210,11 +235,11 @@ def sliding(only: str | None, pictures: Path | None) -> None:
             )
         if pictures:
             draw(pictures / f"{name}.png", tracks, frames)
-    cm, ratio = np.concatenate([r["cm"] for r in every]), np.concatenate([r["ratio"] for r in every])
-    px = np.concatenate([r["px"] for r in every])
+    cm, px, ratio = (np.concatenate([r[key] for r in every]) for key in ("cm", "px", "ratio"))
+    lost, wrong = (sum(r[key] for r in every) for key in ("lost", "wrong"))
     print(
-        f"sliding  median {np.median(cm):.2f} cm  90% {np.percentile(cm, 90):.2f} cm  ({np.median(px):.2f} px)  bodies-frames {len(cm)}  "
-        f"over 20 cm {(cm > 20).sum()}  lost {sum(r['lost'] for r in every)}  wrong {sum(r['wrong'] for r in every)}  error over sigma, median {np.median(ratio):.2f}"
+        f"sliding  median {np.median(cm):.2f} cm  90% {np.percentile(cm, 90):.2f} cm  ({np.median(px):.2f} px) of {len(cm)}"
+        f"  over 20 cm {(cm > 20).sum()}  lost {lost}  wrong {wrong}  error over sigma, median {np.median(ratio):.2f}"
     )
 
 
@@ -229,21 +254,27 @@ def films(only: str | None, pictures: Path | None) -> None:
         tracks, frames, seconds = film(name)
         print(f"{name}  {len(frames)} frames  {seconds:.1f} s")
         for t, error in zip(tracks, references(name, tracks), strict=True):
-            seen = np.flatnonzero(np.isfinite(t.centres[:, 0]))
-            known = error[np.isfinite(error)]
-            text = (
-                f"reference {np.median(known):.2f} / {np.percentile(known, 90):.2f} px of {len(known)}"
-                if len(known)
-                else "no reference"
-            )
-            size = t.body.radius(t.poses[seen[0]]) if len(seen) else np.nan
-            wrong = int(((error > 0.5 * size) & (t.confidence > CONFIDENT)).sum())
-            print(
-                f"  {t.body.name:<8} frames {seen.min() if len(seen) else '-'}..{seen.max() if len(seen) else '-'} ({len(seen)})  {text}  wrong {wrong}  "
-                f"sigma {np.median(t.errors[seen]) if len(seen) else np.nan:.2f} px  confidence {np.median(t.confidence[seen]) if len(seen) else 0:.2f} least {t.confidence[seen].min() if len(seen) else 0:.2f}  breaks {list(t.breaks)}"
-            )
+            print(_line(t, error))
         if pictures:
             draw(pictures / f"{name}.png", tracks, frames, 16)
+
+
+def _line(track: Track, error: np.ndarray) -> str:
+    """Return a body's row of a film."""
+    seen = np.flatnonzero(np.isfinite(track.centres[:, 0]))
+    if not len(seen):
+        return f"  {track.body.name:<8} nowhere"
+    known = error[np.isfinite(error)]
+    text = "no reference"
+    if len(known):
+        text = f"reference {np.median(known):.2f} / {np.percentile(known, 90):.2f} px of {len(known)}"
+    wrong = int(((error > 0.5 * track.body.radius(track.poses[seen[0]])) & (track.confidence > CONFIDENT)).sum())
+    sure = track.confidence[seen]
+    return (
+        f"  {track.body.name:<8} frames {seen.min()}..{seen.max()} ({len(seen)})  {text}  wrong {wrong}  "
+        f"noise {straight(track):.2f} px  sigma {np.median(track.errors[seen]):.2f} px  "
+        f"confidence {np.median(sure):.2f}, above {CONFIDENT} in {(sure > CONFIDENT).sum()}  breaks {list(track.breaks)}"
+    )
 
 
 def main() -> None:

@@ -62,7 +62,7 @@ def follow(scene: Scene, seeds: list[dict[int, Floats]]) -> list[States]:
             after = frames[position + 1] if position + 1 < len(frames) else scene.film.count
             walkers.append(_Walker(i, k, 1, after, pose))
             walkers.append(_Walker(i, k, -1, frames[position - 1] if position else -1, pose))
-    near = [dict.fromkeys(own, 0) for own in seeds]
+    near: list[dict[int, int]] = [dict.fromkeys(own, 0) for own in seeds]
     for step in (1, -1):
         for k in range(scene.film.count)[::step]:
             active = [w for w in walkers if w.step == step and (k - w.seed) * step > 0 and (w.end - k) * step > 0]
@@ -114,7 +114,7 @@ def seeded(scene: Scene, body: int, frame: int, pose: Floats) -> State:
     prior = max(scene.settings.hold, scene.settings.hold_pixels / shape.radius(pose)) * shape.unit
     starts = shape.angles()
     prior[2] = np.pi / 8 if len(starts) > 1 else scene.settings.turn
-    states = [state_at(scene, body, frame, pose + [0.0, 0.0, a, 0.0], prior) for a in starts]
+    states = [state_at(scene, body, frame, pose + np.array([0.0, 0.0, a, 0.0]), prior) for a in starts]
     return max(states, key=lambda s: score(scene, body, s, None))
 
 
@@ -164,4 +164,19 @@ def _again(scene: Scene, body: int, frame: int) -> State | None:
         state_at(scene, body, frame, p, prior, coarse=2 if p is starts[0] and known[frame] else 1)
         for p in [starts[0], *far]
     ]
-    return max(states, key=lambda s: score(scene, body, s, course))
+    spread = _bends(scene, body) if len(starts) > 1 else None
+    return max(states, key=lambda s: score(scene, body, s, course, spread))
+
+
+def _bends(scene: Scene, body: int) -> float:
+    """Usual distance [radii] of a body from the middle of the frames before and after, within the settings' limits."""
+    poses = scene.poses[body]
+    seen = poses[np.isfinite(poses[:, 0])]
+    if len(seen) < 5:
+        return scene.settings.motion
+    shape = scene.bodies[body]
+    centres = np.array([shape.centre(p) if np.isfinite(p[0]) else np.full(2, np.nan) for p in poses])
+    apart = np.linalg.norm(centres[1:-1] - 0.5 * (centres[2:] + centres[:-2]), axis=1)
+    usual = float(np.nanmedian(apart)) if np.isfinite(apart).any() else np.inf
+    radius = shape.radius(seen[len(seen) // 2])
+    return float(np.clip(2.0 * usual / radius, scene.settings.least_motion, scene.settings.motion))

@@ -74,6 +74,7 @@ class EyeSettings:
     faster: float = 1.5  # times the motion around that is no jump: a throw, a blow
     gap: int = 4  # [frames] without sight after which another body may be taken for it
     motion: float = 0.5  # [radii] standard deviation of a frame's change of displacement
+    least_motion: float = 0.1  # [radii] of that at the least: errors of poses
     rounds: int = 3  # of states, then colours
     hold: float = 0.3  # [radii] standard deviation of a seed: a centre given by eye
     hold_pixels: float = 2.0  # [px] at least: what is drawn by eye is no better

@@ -49,13 +49,16 @@ def motion_prior(scene: Scene, body: int) -> Floats:
     return wide
 
 
-def score(scene: Scene, body: int, state: State, predicted: Floats | None) -> float:
-    """Log likelihood [nats] of a state: what supports it, tempered, and the motion from a prediction."""
+def score(scene: Scene, body: int, state: State, predicted: Floats | None, spread: float | None = None) -> float:
+    """Log likelihood [nats] of a state: what supports it, tempered, and the motion from a prediction.
+
+    The motion's error has Cauchy tails in two coordinates, since bodies collide; spread: its scale [radii].
+    """
     s, shape = scene.settings, scene.bodies[body]
     total = s.support * state.contrast * state.visible
     if predicted is not None:
         apart = float(np.linalg.norm(shape.centre(state.fit.pose) - shape.centre(predicted)))
-        total -= np.log1p((apart / (s.motion * shape.radius(predicted))) ** 2)
+        total -= 1.5 * np.log1p((apart / ((spread or s.motion) * shape.radius(predicted))) ** 2)
     return total
 
 
