@@ -5,8 +5,8 @@
 Data: ../shared/data/sliding, ../shared/data/films (README there). Errors of the clips are on the floor [cm] against
 true positions, of body-frames of which at least 15% are in the picture; bodies are given by shape, size and colour
 word. Of the films, centres are compared with references where there are some: colour centroids of the pucks, hand
-tracking of the cart (along the incline, by the best line between centimetres and pixels), parabolas of free balls. wrong: frames
-whose error is more than half a body with a confidence above 0.8.
+tracking of the cart (along the incline, by the best line between centimetres and pixels), parabolas of free balls.
+wrong: frames whose error is more than half a body with a confidence above 0.8.
 """
 
 from __future__ import annotations
@@ -231,14 +231,16 @@ def sliding(only: str | None, pictures: Path | None) -> None:
         for r in rows:
             cm = r["cm"] if len(r["cm"]) else np.array([np.nan])
             print(
-                f"  {r['name']:<24} {np.median(cm):.2f} / {np.percentile(cm, 90):.2f} / {cm.max():.2f} cm  lost {r['lost']}  wrong {r['wrong']}"
+                f"  {r['name']:<24} {np.median(cm):.2f} / {np.percentile(cm, 90):.2f} / {cm.max():.2f} cm  "
+                f"lost {r['lost']}  wrong {r['wrong']}"
             )
         if pictures:
             draw(pictures / f"{name}.png", tracks, frames)
     cm, px, ratio = (np.concatenate([r[key] for r in every]) for key in ("cm", "px", "ratio"))
     lost, wrong = (sum(r[key] for r in every) for key in ("lost", "wrong"))
     print(
-        f"sliding  median {np.median(cm):.2f} cm  90% {np.percentile(cm, 90):.2f} cm  ({np.median(px):.2f} px) of {len(cm)}"
+        f"sliding  median {np.median(cm):.2f} cm  90% {np.percentile(cm, 90):.2f} cm  "
+        f"({np.median(px):.2f} px) of {len(cm)}"
         f"  over 20 cm {(cm > 20).sum()}  lost {lost}  wrong {wrong}  error over sigma, median {np.median(ratio):.2f}"
     )
 
@@ -273,7 +275,8 @@ def _line(track: Track, error: np.ndarray) -> str:
     return (
         f"  {track.body.name:<8} frames {seen.min()}..{seen.max()} ({len(seen)})  {text}  wrong {wrong}  "
         f"noise {straight(track):.2f} px  sigma {np.median(track.errors[seen]):.2f} px  "
-        f"confidence {np.median(sure):.2f}, above {CONFIDENT} in {(sure > CONFIDENT).sum()}  breaks {list(track.breaks)}"
+        f"confidence {np.median(sure):.2f}, above {CONFIDENT} in {(sure > CONFIDENT).sum()}  "
+        f"breaks {list(track.breaks)}"
     )
 
 

@@ -108,8 +108,8 @@ def _bend(scene: Scene, states: list[States], before: int, after: int, first: in
     """Squared change [standard deviations] of motion from a track before a meeting to one after it."""
     s = scene.settings
     body = scene.bodies[before]
-    ahead = [k for k in sorted(states[before]) if k < first][-s.motion_frames :]
-    behind = [k for k in sorted(states[after]) if k > last][: s.motion_frames]
+    ahead = [k for k in sorted(states[before]) if k < first][-s.gap :]
+    behind = [k for k in sorted(states[after]) if k > last][: s.gap]
     if len(ahead) < 2 or len(behind) < 2:
         return 0.0
     lines = []

@@ -174,7 +174,7 @@ class Outline:
 
     @property
     def nuisance(self) -> tuple[float, float]:
-        """What is drawn by eye is off by a pixel; where the scale is free, that holds it."""
+        """Allow for a pixel by which a drawn outline is off; a free scale does that itself."""
         return (1e-3 if self.scales else 1.0, 1e-3)
 
     @property
@@ -248,8 +248,9 @@ def _centroid(polygon: Floats) -> Floats:
     cross = x * np.roll(y, -1) - np.roll(x, -1) * y
     total = cross.sum()
     if abs(total) < 1e-9:
-        return polygon.mean(axis=0)
-    return np.array([((x + np.roll(x, -1)) * cross).sum(), ((y + np.roll(y, -1)) * cross).sum()]) / (3 * total)
+        return np.asarray(polygon.mean(axis=0))
+    moments = np.array([((x + np.roll(x, -1)) * cross).sum(), ((y + np.roll(y, -1)) * cross).sum()])
+    return np.asarray(moments / (3 * total))
 
 
 def _sampled(polygon: Floats, moved: Floats, most: int) -> Contour:

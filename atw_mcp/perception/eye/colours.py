@@ -63,9 +63,8 @@ def learn_colours(values: Array, local: Floats, settings: EyeSettings) -> Colour
     index = np.clip((local + 1) * (0.5 * cells), 0, cells - 1).astype(int)
     counts = np.zeros((cells, cells, count), np.float32)
     np.add.at(counts, (index[:, 1], index[:, 0]), parts)
-    counts = cv2.GaussianBlur(counts, (0, 0), settings.cell_blur, borderType=cv2.BORDER_REPLICATE).reshape(
-        cells, cells, -1
-    )
+    blurred = cv2.GaussianBlur(counts, (0, 0), settings.cell_blur, borderType=cv2.BORDER_REPLICATE)
+    counts = np.asarray(blurred, dtype=np.float32).reshape(cells, cells, count)
     overall = parts.mean(axis=0) + 1e-3
     overall /= overall.sum()
     prior = settings.place_prior * min(1.0, len(values) / 500.0)

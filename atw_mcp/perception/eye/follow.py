@@ -68,7 +68,7 @@ def follow(scene: Scene, seeds: list[dict[int, Floats]]) -> list[States]:
             active = [w for w in walkers if w.step == step and (k - w.seed) * step > 0 and (w.end - k) * step > 0]
             for walker, state in zip(active, _assigned(scene, active, k), strict=True):
                 walker.advance(scene, state)
-                if state is not None and abs(k - walker.seed) < near[walker.body].get(k, scene.film.count):
+                if state is not None and abs(k - walker.seed) < near[walker.body].get(k, 10**9):
                     found[walker.body][k], near[walker.body][k] = state, abs(k - walker.seed)
                     scene.poses[walker.body, k] = state.fit.pose
     return found
@@ -81,7 +81,7 @@ def _assigned(scene: Scene, walkers: list[_Walker], frame: int) -> list[State | 
     for w in walkers:
         shape = scene.bodies[w.body]
         moved = np.linalg.norm(shape.centre(w.before + w.velocity) - shape.centre(w.before)) / shape.radius(w.before)
-        reach = (s.search if w.known else 1.6 * s.search) * (1 + w.missed) + s.search_speed * float(moved)
+        reach = (s.search if w.known else 1.6 * s.search) * (1 + w.missed) + s.faster * float(moved)
         others = [w.before] if w.known and not w.missed else []
         options.append(candidates(scene, w.body, frame, w.predicted(), others, w.before, min(reach, s.search_most)))
     places: list[Floats] = []

@@ -71,7 +71,7 @@ class Scene:
         return found
 
     def log_body(self, body: int, values: Array, points: Floats, pose: Floats | None) -> Array:
-        """Log density (M,) of features (M, 3) at points (M, 2) as a body's own, by place on it; without pose anywhere."""
+        """Log density (M,) of features (M, 3) at points (M, 2) as a body's own, by place on it, or anywhere."""
         colours = self.colours[body]
         if colours is None:
             return np.full(len(values), np.log(self.settings.unknown), np.float32)

@@ -118,7 +118,7 @@ def _alike(scene: Scene) -> NDArray[np.bool_]:
     s, film = scene.settings, scene.film
     frames = film.frames[film.chosen()]
     covered = np.zeros(frames.shape[:3], bool)
-    rows, columns = np.nonzero((frames.max(axis=0) - frames.min(axis=0)).max(axis=-1) > s.changed_levels)
+    rows, columns = np.nonzero((frames.max(axis=0) - frames.min(axis=0)).max(axis=-1) > 2 * s.dark_level)
     usual = features(frames[:: max(1, len(frames) // 4)].reshape(-1, 3)[::97].astype(np.float32), s)
     film_colours = learn_colours(usual, np.zeros((len(usual), 2)), s)
     if film_colours is None or not len(rows):
@@ -222,11 +222,13 @@ def _track(scene: Scene, body: int, states: States, seeds: dict[int, Floats]) ->
     s, shape, count = scene.settings, scene.bodies[body], scene.film.count
     poses, centres = np.full((count, 4), np.nan), np.full((count, 2), np.nan)
     errors, confidence = np.full(count, np.inf), np.zeros(count)
+    usual = float(np.median([state.fit.decided for state in states.values()])) if states else 0.0
     for k, state in states.items():
         poses[k], centres[k] = state.fit.pose, shape.centre(state.fit.pose)
         errors[k] = centre_error(scene, body, state.fit)
         size = shape.radius(state.fit.pose)
-        confidence[k] = (1 - np.exp(-state.contrast / s.present)) * np.exp(-((2 * errors[k] / size) ** 2))
+        seen = (1 - np.exp(-state.contrast / s.present)) * min(1.0, state.fit.decided / max(s.weak * usual, 1e-9))
+        confidence[k] = seen * np.exp(-((2 * errors[k] / size) ** 2))
     breaks, tied = _continuity(scene, shape, centres, poses, seeds)
     confidence[~tied] *= 0.5
     confidence[_outliers(shape, centres, poses, errors)] *= 0.5

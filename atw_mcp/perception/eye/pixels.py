@@ -26,7 +26,7 @@ def features(levels: Array, settings: EyeSettings) -> Array:
     return np.stack([logs.mean(axis=-1), logs[..., 2] - green, logs[..., 0] - green], axis=-1)
 
 
-def sampled(image: NDArray[np.generic], points: Floats) -> Array:
+def sampled(image: NDArray[np.float32] | NDArray[np.uint8], points: Floats) -> Array:
     """Values (M, C) of an image (H, W, C) at points (M, 2) [px], bilinear; the border's value outside."""
     places = points.astype(np.float32).reshape(1, -1, 2) if len(points) < 32000 else _rows(points)
     values = cv2.remap(image, places[..., 0], places[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -125,7 +125,7 @@ def _averaged(frames: Bytes, middle: Array) -> Array:
         near = np.abs(apart) <= 4.0
         total += np.where(near, apart, np.float32(0))
         count += near
-    return middle + total / np.maximum(count, 1)
+    return np.asarray(middle + total / np.maximum(count, 1), dtype=np.float32)
 
 
 def _noise(film: Film, frames: Bytes, feature: Array, covered: NDArray[np.bool_]) -> Floats:

@@ -27,7 +27,6 @@ class EyeSettings:
 
     # background and shade
     background_frames: int = 30  # sampled over the clip for the background; its median is then good to 20% of noise
-    changed_levels: int = 24  # [levels] over the clip from which on a pixel may have shown a body
     rare: float = 2.0  # [nats] by which a pixel looks like a body rather than like the film
     noise_floor: float = 0.012  # [feature] least noise of the background: rounding of levels of 100
     sharp: float = 0.25  # [px] by which edges of the background may be displaced: coding, shake
@@ -49,7 +48,6 @@ class EyeSettings:
     edge_error: float = 0.3  # [px] standard deviation of one normal's edge at the best
     mixed_rounds: int = 2  # steps at the end that resolve edges by mixed pixels
     mixed_near: float = 2.0  # [px] from an edge within which pixels are mixed: lens, coding of colour at half size
-    mixed_far: float = 4.0  # [px] to which levels of either side are taken from there
     shaded_edge: float = 2.0  # [px] per unit of log factor: an edge against a shade may be the shade's own
     pure_error: float = 0.7  # [px] of an edge by pure colours: mixed pixels count for the more varied side
     light_noise: float = 0.01  # of a pixel's light, of 1: about three levels
@@ -59,10 +57,10 @@ class EyeSettings:
     systematic: float = 0.02  # of a radius: error of a pose that no curvature shows (colours, shape)
 
     # following
-    weak: float = 0.7  # of its usual contrast below which a body is searched for also elsewhere
+    weak: float = 0.65  # of its usual contrast, or share of decided edges, below which a place is doubted: it is also
+    # searched for elsewhere, and the confidence falls
     apart: float = 0.7  # [radii] below which two bodies' places are one, which only one of them can take
     search: float = 5.0  # [radii] around the prediction in which a body is searched for, more after each miss
-    search_speed: float = 1.3  # radii more for each radius of displacement a frame: it may bounce
     search_most: float = 25.0  # [radii] of that at the most
     coarse: float = 4.0  # [px] radius of a body at the resolution of that search
     peaks: int = 3  # of the search that are refined
@@ -71,8 +69,8 @@ class EyeSettings:
     support: float = 10.0  # independent pixels that a body counts for: model errors of its pixels are alike
     visible: float = 0.08  # share of a body's area from which on it is seen
     jump: float = 2.0  # [radii] between frames beyond the motion around: a break
-    faster: float = 1.5  # times the motion around that is no jump: a throw, a blow
-    gap: int = 4  # [frames] without sight after which another body may be taken for it
+    faster: float = 1.5  # times the motion around that is no jump, and is searched: a throw, a blow
+    gap: int = 4  # [frames] over which motion can be continued: without sight, before and after a meeting
     motion: float = 0.5  # [radii] standard deviation of a frame's change of displacement
     least_motion: float = 0.1  # [radii] of that at the least: errors of poses
     rounds: int = 3  # of states, then colours
@@ -83,9 +81,7 @@ class EyeSettings:
 
     # masks
     smooth: float = 1.2  # [nats] price of a pair of neighbours of different states
-    mean_fields: int = 12  # rounds of the mean field; more change nothing
 
     # assignment
     meeting: float = 1.2  # [sums of radii] between look-alikes below which they may be exchanged
-    motion_frames: int = 4  # before and after a meeting from which motion is continued
     orders: int = 48  # best assignments kept from one meeting to the next

@@ -66,7 +66,7 @@ def _mixed_edges(scene: Scene, frame: int, contour: Contour) -> tuple[Floats, Fl
     take for the side whose colours vary more. The share of the inside, summed along the normal, gives the edge.
     """
     s = scene.settings
-    offsets = np.arange(-s.mixed_far, s.mixed_far + 0.5 * s.step, s.step)
+    offsets = np.arange(-2 * s.mixed_near, 2 * s.mixed_near + 0.5 * s.step, s.step)
     points = (contour.points[:, None] + contour.normals[:, None] * offsets[:, None]).reshape(-1, 2)
     shape = (len(contour.points), len(offsets))
     seen = sampled(scene.film.frames[frame], points)
@@ -93,7 +93,7 @@ def _mixed_edges(scene: Scene, frame: int, contour: Contour) -> tuple[Floats, Fl
     return distance, 1 / variance
 
 
-def _slope(places: Floats, values: Array) -> Array:
+def _slope(places: Floats, values: Array | Floats) -> Array:
     """Slopes (N, 3) of values (N, P, 3) over places (P,), shrunk by their own noise: how shade deepens to an edge."""
     apart = places - places.mean()
     total = float((apart**2).sum())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from atw_mcp.perception.eye.masks import body_mask
 from atw_mcp.perception.eye.observe import Track, observe
 from atw_mcp.perception.eye.seeds import Seed, outline_body
 from tests.atw_mcp.perception.eye import drawn
@@ -112,6 +113,22 @@ def test_seeds_of_every_kind_give_the_same_track() -> None:
     for seed in (Seed("b", "mask", 3, mask), Seed("b", "outline", 3, outline)):
         (track,) = _follow(frames, seed)
         assert np.nanmax(_error(track, places)) < 0.5
+
+
+def test_mask_of_a_body_whose_shape_changes_has_its_place_and_area() -> None:
+    places = drawn.line((40.0, 60.0), (5.0, 0.0), 8)
+    frames = drawn.frames(
+        [(places, 9.0, drawn.BLUE), (places + [5.0, 0.0] * np.arange(8)[:, None] / 7, 9.0, drawn.BLUE)]
+    )
+    seed = _circle("b", 0, places[0], 9.0)
+    tracks, scene = observe(frames, [outline_body("b", seed)], [seed])
+    found = body_mask(scene, 0, 7)
+    v, u = np.mgrid[0 : drawn.HEIGHT, 0 : drawn.WIDTH].astype(float)
+    true = (np.hypot(u - 75, v - 60) < 9) | (np.hypot(u - 80, v - 60) < 9)
+    assert np.linalg.norm(found.centre() - [77.5, 60.0]) < 0.6
+    assert found.mask.sum() == pytest.approx(true.sum(), rel=0.1)
+    assert len(found.outline()) > 20
+    assert tracks[0].confidence[7] > 0.5
 
 
 def test_unknown_names_and_frames_are_refused() -> None:
