@@ -188,8 +188,8 @@ class Scene:
         values = self.film.at(frame, points)
         if rough:
             expected, spread = self.background.at(points)
-            other = (np.abs(values - expected) > 4 * spread + 0.03).any(axis=1)
-            if other.mean() > 0.4:
+            other = (np.abs(values - expected) > 4 * spread).any(axis=1)
+            if other.mean() > 0.6:
                 points, values = points[other], values[other]
         return values, self.bodies[body].local(pose, points)
 
