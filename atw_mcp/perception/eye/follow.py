@@ -1,0 +1,182 @@
+"""Follow: a body over the clip from its seeds, by prediction from the motion so far and the greatest likelihood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from atw_mcp.perception.eye.bodies import Outline
+from atw_mcp.perception.eye.likelihood import Scene
+from atw_mcp.perception.eye.pixels import Floats
+from atw_mcp.perception.eye.states import State, candidates, motion_prior, present, score, state_at
+
+States = dict[int, State]
+
+
+@dataclass
+class _Walker:
+    """A body on its way from a seed, forward (step 1) or backward (-1), until frame `end`, which is left out."""
+
+    body: int
+    seed: int
+    step: int
+    end: int
+    before: Floats
+    velocity: Floats = field(default_factory=lambda: np.zeros(4))
+    missed: int = 0
+    known: bool = False
+
+    def predicted(self) -> Floats:
+        return self.before + self.velocity * (self.missed + 1)
+
+    def advance(self, scene: Scene, state: State | None) -> None:
+        """Take the state of a frame, or none."""
+        if state is None:
+            self.missed += 1
+            return
+        velocity = (state.fit.pose - self.before) / (self.missed + 1)
+        velocity[2] = np.clip(velocity[2], -scene.settings.turn, scene.settings.turn)
+        if isinstance(scene.bodies[self.body], Outline):
+            velocity[3] = 0.0
+        self.velocity, self.before, self.missed, self.known = velocity, state.fit.pose, 0, True
+
+
+def follow(scene: Scene, seeds: list[dict[int, Floats]]) -> list[States]:
+    """States of all bodies in the frames where they are seen, from their poses (4,) at the seeds' frames, which hold.
+
+    In each frame all bodies are assigned together: a place is one body's. Between two seeds a frame takes the state of
+    the nearer one that has one. The scene's poses are set.
+    """
+    found: list[States] = []
+    walkers: list[_Walker] = []
+    for i, own in enumerate(seeds):
+        frames = sorted(own)
+        found.append({k: seeded(scene, i, k, own[k]) for k in frames})
+        if frames:
+            scene.usual[i] = np.median([state.contrast for state in found[i].values()])
+        for position, k in enumerate(frames):
+            pose = found[i][k].fit.pose
+            scene.poses[i, k] = pose
+            after = frames[position + 1] if position + 1 < len(frames) else scene.film.count
+            walkers.append(_Walker(i, k, 1, after, pose))
+            walkers.append(_Walker(i, k, -1, frames[position - 1] if position else -1, pose))
+    near: list[dict[int, int]] = [dict.fromkeys(own, 0) for own in seeds]
+    for step in (1, -1):
+        for k in range(scene.film.count)[::step]:
+            active = [w for w in walkers if w.step == step and (k - w.seed) * step > 0 and (w.end - k) * step > 0]
+            for walker, state in zip(active, _assigned(scene, active, k), strict=True):
+                walker.advance(scene, state)
+                if state is not None and abs(k - walker.seed) < near[walker.body].get(k, 10**9):
+                    found[walker.body][k], near[walker.body][k] = state, abs(k - walker.seed)
+                    scene.poses[walker.body, k] = state.fit.pose
+    return found
+
+
+def _assigned(scene: Scene, walkers: list[_Walker], frame: int) -> list[State | None]:
+    """State of each walker in a frame, or none, so that the sum of scores is largest and no place is taken twice."""
+    s = scene.settings
+    options = []
+    for w in walkers:
+        shape = scene.bodies[w.body]
+        moved = np.linalg.norm(shape.centre(w.before + w.velocity) - shape.centre(w.before)) / shape.radius(w.before)
+        reach = (s.search if w.known else 1.6 * s.search) * (1 + w.missed) + s.faster * float(moved)
+        others = [w.before] if w.known and not w.missed else []
+        options.append(candidates(scene, w.body, frame, w.predicted(), others, w.before, min(reach, s.search_most)))
+    places: list[Floats] = []
+    columns: list[list[int]] = []
+    for w, states in zip(walkers, options, strict=True):
+        shape, own = scene.bodies[w.body], []
+        for _, state in states:
+            centre, radius = shape.centre(state.fit.pose), shape.radius(state.fit.pose)
+            at = [m for m, place in enumerate(places) if np.linalg.norm(place - centre) < s.apart * radius]
+            if not at:
+                places.append(centre)
+            own.append(at[0] if at else len(places) - 1)
+        columns.append(own)
+    gain = np.zeros((len(walkers), len(places) + len(walkers)))
+    gain[:, : len(places)] = -np.inf
+    for row, (states, own) in enumerate(zip(options, columns, strict=True)):
+        for (value, _), column in zip(states, own, strict=True):
+            gain[row, column] = max(gain[row, column], value)
+    chosen = linear_sum_assignment(np.where(np.isfinite(gain), gain, -1e6), maximize=True)[1] if len(walkers) else []
+    result: list[State | None] = []
+    for column, states, own in zip(chosen, options, columns, strict=True):
+        fitting = [option for option, at in zip(states, own, strict=True) if at == column]
+        result.append(max(fitting, key=lambda option: option[0])[1] if fitting else None)
+    return result
+
+
+def seeded(scene: Scene, body: int, frame: int, pose: Floats) -> State:
+    """State at a seed: refined, but held within a share of the body's size."""
+    shape = scene.bodies[body]
+    prior = max(scene.settings.hold, scene.settings.hold_pixels / shape.radius(pose)) * shape.unit
+    starts = shape.angles()
+    prior[2] = np.pi / 8 if len(starts) > 1 else scene.settings.turn
+    states = [state_at(scene, body, frame, pose + np.array([0.0, 0.0, a, 0.0]), prior) for a in starts]
+    return max(states, key=lambda s: score(scene, body, s, None))
+
+
+def refit(scene: Scene, seeds: list[dict[int, Floats]]) -> list[States]:
+    """Refine every body in every frame with all others where they are, the nearest first; seeds hold.
+
+    Starts are a body's own pose and the course of its neighbouring frames; where it was not seen, their continuation.
+    """
+    found: list[States] = [{} for _ in scene.bodies]
+    for k in range(scene.film.count):
+        seen = [i for i in range(len(scene.bodies)) if np.isfinite(scene.poses[i, k, 0])]
+        hidden = [i for i in range(len(scene.bodies)) if i not in seen]
+        for i in sorted(seen, key=lambda i: scene.bodies[i].depth(scene.poses[i, k])) + hidden:
+            if k in seeds[i]:
+                state: State | None = seeded(scene, i, k, seeds[i][k])
+            else:
+                state = _again(scene, i, k)
+            if state is None or (k not in seeds[i] and not present(scene, i, state)):
+                scene.poses[i, k] = np.nan
+                continue
+            scene.poses[i, k] = state.fit.pose
+            found[i][k] = state
+    for i, states in enumerate(found):
+        if states:
+            scene.usual[i] = np.median([state.contrast for state in states.values()])
+    return found
+
+
+def _again(scene: Scene, body: int, frame: int) -> State | None:
+    """Best state among refinements of a body's own pose and of its neighbouring frames' course."""
+    poses, count, radius = scene.poses[body], scene.film.count, scene.bodies[body].radius
+    known = np.isfinite(poses[:, 0])
+    starts = [poses[frame]] if known[frame] else []
+    for a, b in ((frame - 1, frame - 2), (frame + 1, frame + 2)):
+        if 0 <= a < count and 0 <= b < count and known[a] and known[b]:
+            starts.append(2 * poses[a] - poses[b])
+    if 0 < frame < count - 1 and known[frame - 1] and known[frame + 1]:
+        starts.append((poses[frame - 1] + poses[frame + 1]) / 2)
+    if not starts:
+        return None
+    centre = scene.bodies[body].centre
+    first = centre(starts[0])
+    far = [p for p in starts[1:] if np.linalg.norm(centre(p) - first) > 0.3 * radius(starts[0])]
+    course = starts[-1] if len(starts) > 1 else None
+    prior = motion_prior(scene, body)
+    states = [
+        state_at(scene, body, frame, p, prior, coarse=2 if p is starts[0] and known[frame] else 1)
+        for p in [starts[0], *far]
+    ]
+    spread = _bends(scene, body) if len(starts) > 1 else None
+    return max(states, key=lambda s: score(scene, body, s, course, spread))
+
+
+def _bends(scene: Scene, body: int) -> float:
+    """Usual distance [radii] of a body from the middle of the frames before and after, within the settings' limits."""
+    poses = scene.poses[body]
+    seen = poses[np.isfinite(poses[:, 0])]
+    if len(seen) < 5:
+        return scene.settings.motion
+    shape = scene.bodies[body]
+    centres = np.array([shape.centre(p) if np.isfinite(p[0]) else np.full(2, np.nan) for p in poses])
+    apart = np.linalg.norm(centres[1:-1] - 0.5 * (centres[2:] + centres[:-2]), axis=1)
+    usual = float(np.nanmedian(apart)) if np.isfinite(apart).any() else np.inf
+    radius = shape.radius(seen[len(seen) // 2])
+    return float(np.clip(2.0 * usual / radius, scene.settings.least_motion, scene.settings.motion))

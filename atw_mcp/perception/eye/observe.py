@@ -1,0 +1,274 @@
+"""Observe: bodies over a clip from seeds, by a few rounds of states, then colours."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from atw_mcp.perception.eye.assignment import reassign
+from atw_mcp.perception.eye.bodies import Body
+from atw_mcp.perception.eye.colours import Colours, learn_colours
+from atw_mcp.perception.eye.follow import States, follow, refit, seeded
+from atw_mcp.perception.eye.likelihood import Scene
+from atw_mcp.perception.eye.pixels import Film, Floats, features, filled, learn_background
+from atw_mcp.perception.eye.seeds import GREYS, Seed, seed_pose, word_map, word_places
+from atw_mcp.perception.eye.settings import EyeSettings
+from atw_mcp.perception.eye.silhouette import centre_error
+
+
+@dataclass(frozen=True)
+class Track:
+    """A body over the clip.
+
+    poses (T, 4): NaN where it is not seen; centres (T, 2) [px]; errors (T,): standard deviations of the centres [px],
+    large where the pixels do not decide; confidence (T,): probability that the body is there, within half its radius;
+    breaks: frames whose motion does not continue that before.
+    """
+
+    body: Body
+    poses: Floats
+    centres: Floats
+    errors: Floats
+    confidence: Floats
+    breaks: tuple[int, ...]
+
+
+def observe(
+    frames: NDArray[np.uint8],
+    bodies: Sequence[Body],
+    seeds: Sequence[Seed],
+    settings: EyeSettings | None = None,
+) -> tuple[list[Track], Scene]:
+    """Tracks of bodies over frames (T, H, W, 3) of BGR bytes, and the scene that was learned. Raises ValueError."""
+    settings = settings or EyeSettings()
+    film = Film(frames, settings)
+    scene = Scene(film, list(bodies), settings, learn_background(film, _none(film)))
+    held = _held(scene, seeds)
+    for i, own in enumerate(held):
+        for k, pose in own.items():
+            scene.poses[i, k] = pose
+    groups = _groups(scene, seeds, held)
+    scene.background = learn_background(film, _at_words(scene, groups, _at_seeds(scene, held)))
+    _place_words(scene, groups, held)
+    for i, own in enumerate(held):
+        if own and scene.colours[i] is None:
+            scene.learn_body(i, sorted(own), rough=True)
+    scene.background = learn_background(film, _at_seeds(scene, held) | _alike(scene))
+    scene.poses[:] = np.nan
+    states = follow(scene, held)
+    for _ in range(settings.rounds):
+        _learn(scene)
+        states = refit(scene, held)
+        states = reassign(scene, states, held)
+    return [_track(scene, i, found, held[i]) for i, found in enumerate(states)], scene
+
+
+def _none(film: Film) -> NDArray[np.bool_]:
+    return np.zeros((len(film.chosen()), film.height, film.width), bool)
+
+
+def _held(scene: Scene, seeds: Sequence[Seed]) -> list[dict[int, Floats]]:
+    """Poses (4,) of each body at the frames of its seeds, but for words."""
+    names = [b.name for b in scene.bodies]
+    held: list[dict[int, Floats]] = [{} for _ in names]
+    for seed in seeds:
+        if seed.body not in names:
+            raise ValueError(f"a seed names {seed.body!r}, but the bodies are {', '.join(names)}")
+        i = names.index(seed.body)
+        pose = seed_pose(scene.bodies[i], seed)
+        if pose is not None:
+            if seed.frame is None or not 0 <= seed.frame < scene.film.count:
+                raise ValueError(f"the seed of {seed.body} needs a frame of 0..{scene.film.count - 1}")
+            held[i][seed.frame] = pose
+    return held
+
+
+def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
+    """Pixels (S, H, W) that look in a frame as they do where a seed shows a body: the body may still stand there."""
+    film, chosen = scene.film, scene.film.chosen()
+    covered = scene.covered(2.0)
+    for i, own in enumerate(held):
+        for k, pose in own.items():
+            corner, size = scene.window(i, pose, 3.0)
+            if min(size) < 2:
+                continue
+            rows, columns = slice(corner[1], corner[1] + size[1]), slice(corner[0], corner[0] + size[0])
+            keep = scene.poses.copy()
+            scene.poses[:] = np.nan
+            scene.poses[i, k] = pose
+            mask = _mask(scene, i, pose, corner, size)
+            scene.poses[:] = keep
+            own_look = features(film.frames[k, rows, columns].astype(np.float32), scene.settings)
+            look = features(film.frames[chosen, rows, columns].astype(np.float32), scene.settings)
+            alike = (np.abs(look - own_look) < 3 * np.array(scene.settings.least_spread, np.float32)).all(axis=-1)
+            covered[:, rows, columns] |= alike & mask
+    return covered
+
+
+def _alike(scene: Scene) -> NDArray[np.bool_]:
+    """Pixels (S, H, W) that change over the clip and have a body's colours, which are rare in the film.
+
+    A body that stands somewhere for most of the clip would else be the median there. Pixels that always do are left.
+    """
+    s, film = scene.settings, scene.film
+    frames = film.frames[film.chosen()]
+    covered = np.zeros(frames.shape[:3], bool)
+    rows, columns = np.nonzero((frames.max(axis=0) - frames.min(axis=0)).max(axis=-1) > 2 * s.dark_level)
+    usual = features(frames[:: max(1, len(frames) // 4)].reshape(-1, 3)[::97].astype(np.float32), s)
+    film_colours = learn_colours(usual, np.zeros((len(usual), 2)), s)
+    if film_colours is None or not len(rows):
+        return covered
+    values = features(frames[:, rows, columns].astype(np.float32), s)
+    alike = np.zeros(values.shape[:2], bool)
+    for colours in scene.colours:
+        if colours is not None:
+            for row, own in enumerate(values):
+                alike[row] |= colours.log_density(own) - film_colours.log_density(own) > s.rare
+    alike[:, alike.all(axis=0)] = False
+    covered[:, rows, columns] = alike
+    return covered
+
+
+def _mask(scene: Scene, body: int, pose: Floats, corner: tuple[int, int], size: tuple[int, int]) -> NDArray[np.bool_]:
+    polygon, middle = scene.bodies[body].polygon(pose), scene.bodies[body].centre(pose)
+    return filled(middle + (polygon - middle) * (1 + 2.0 / max(scene.bodies[body].radius(pose), 1.0)), corner, size)
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Bodies given by one colour, and for each frame the places (evidence, pose) that show it."""
+
+    bodies: list[int]
+    places: list[list[tuple[float, Floats]]]
+
+
+def _groups(scene: Scene, seeds: Sequence[Seed], held: list[dict[int, Floats]]) -> list[_Group]:
+    """Bodies that a colour alone is given of, by colour; grey ones last, since shadows are grey."""
+    names = [b.name for b in scene.bodies]
+    words: dict[str, list[int]] = {}
+    for seed in seeds:
+        i = names.index(seed.body)
+        if seed.kind == "words" and not held[i]:
+            words.setdefault(str(seed.value), []).append(i)
+    brightness, found = scene.background.feature[..., 0], []
+    for word, bodies in sorted(words.items(), key=lambda g: g[0] in GREYS):
+        shape = scene.bodies[bodies[0]]
+        maps = (word_map(frame, word, brightness) for frame in scene.film.frames)
+        found.append(_Group(bodies, [word_places(m, shape, len(bodies) + (word in GREYS)) for m in maps]))
+    return found
+
+
+def _at_words(scene: Scene, groups: list[_Group], covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Pixels (S, H, W) around the places that show a body's colour, besides those covered."""
+    for group in groups:
+        shape = scene.bodies[group.bodies[0]]
+        for row, k in enumerate(scene.film.chosen()):
+            for _, pose in group.places[k]:
+                centre, reach = shape.centre(pose), 1.6 * shape.radius(pose)
+                low, high = np.maximum(centre - reach, 0).astype(int), np.maximum(centre + reach + 1, 0).astype(int)
+                covered[row, low[1] : high[1], low[0] : high[0]] = True
+    return covered
+
+
+def _place_words(scene: Scene, groups: list[_Group], held: list[dict[int, Floats]]) -> None:
+    """Place bodies of one colour together in the frame that shows most of it, each where its shape fits best."""
+    for group in groups:
+        count = len(group.bodies)
+        best = max(range(scene.film.count), key=lambda k: sum(f[0] for f in group.places[k][:count]))
+        poses = [pose for _, pose in group.places[best][:count]]
+        choices = []
+        for order in itertools.permutations(range(len(poses)), min(count, len(poses))):
+            choices.append(_tried(scene, group.bodies[: len(order)], [poses[m] for m in order], best))
+        if choices:
+            for i, pose, colours in max(choices, key=lambda c: c[0])[1]:
+                held[i][best], scene.colours[i] = pose, colours
+
+
+def _tried(
+    scene: Scene, bodies: list[int], poses: list[Floats], frame: int
+) -> tuple[float, list[tuple[int, Floats, Colours | None]]]:
+    total, found = 0.0, []
+    for i, pose in zip(bodies, poses, strict=True):
+        for _ in range(3):
+            scene.poses[i, frame] = pose
+            scene.learn_body(i, [frame], rough=True)
+            state = seeded(scene, i, frame, pose)
+            pose = state.fit.pose
+        area = abs(cv2.contourArea(scene.bodies[i].polygon(pose).astype(np.float32)))
+        total += state.inside * state.visible * area
+        found.append((i, pose, scene.colours[i]))
+    for i in bodies:
+        scene.poses[i, frame], scene.colours[i] = np.nan, None
+    return total, found
+
+
+def _learn(scene: Scene) -> None:
+    """Learn background, colours and shade from all poses."""
+    scene.background = learn_background(scene.film, scene.covered(3.0))
+    count = scene.film.count
+    frames = sorted(set(np.linspace(0, count - 1, min(count, scene.settings.background_frames)).astype(int).tolist()))
+    for i in range(len(scene.bodies)):
+        own = [k for k in range(count) if np.isfinite(scene.poses[i, k, 0])]
+        scene.learn_body(i, own[:: max(1, len(own) // 24)])
+    scene.learn_shades(frames)
+
+
+def _track(scene: Scene, body: int, states: States, seeds: dict[int, Floats]) -> Track:
+    s, shape, count = scene.settings, scene.bodies[body], scene.film.count
+    poses, centres = np.full((count, 4), np.nan), np.full((count, 2), np.nan)
+    errors, confidence = np.full(count, np.inf), np.zeros(count)
+    usual = float(np.median([state.fit.decided for state in states.values()])) if states else 0.0
+    for k, state in states.items():
+        poses[k], centres[k] = state.fit.pose, shape.centre(state.fit.pose)
+        errors[k] = centre_error(scene, body, state.fit)
+        size = shape.radius(state.fit.pose)
+        seen = (1 - np.exp(-state.contrast / s.present)) * min(1.0, state.fit.decided / max(s.weak * usual, 1e-9))
+        confidence[k] = seen * np.exp(-((2 * errors[k] / size) ** 2))
+    breaks, tied = _continuity(scene, shape, centres, poses, seeds)
+    confidence[~tied] *= 0.5
+    confidence[_outliers(shape, centres, poses, errors)] *= 0.5
+    return Track(shape, poses, centres, errors, confidence, breaks)
+
+
+def _continuity(
+    scene: Scene, shape: Body, centres: Floats, poses: Floats, seeds: dict[int, Floats]
+) -> tuple[tuple[int, ...], NDArray[np.bool_]]:
+    """Frames at which a body jumps, and whether each frame (T,) is tied to a seed by motion without jumps or gaps.
+
+    A jump is farther, by `jump` radii, than the motion around it goes in a frame.
+    """
+    s, seen = scene.settings, np.flatnonzero(np.isfinite(centres[:, 0]))
+    moved = np.linalg.norm(np.diff(centres[seen], axis=0), axis=1) / np.maximum(np.diff(seen), 1)
+    breaks, piece = [], np.zeros(len(seen), int)
+    for m, step in enumerate(moved):
+        around = np.concatenate([moved[max(m - 3, 0) : m], moved[m + 1 : m + 4]])
+        usual = float(np.max(around)) if len(around) else 0.0
+        jumped = step > s.jump * shape.radius(poses[seen[m + 1]]) + s.faster * usual
+        if jumped:
+            breaks.append(int(seen[m + 1]))
+        piece[m + 1] = piece[m] + (jumped or seen[m + 1] - seen[m] > s.gap)
+    tied = np.zeros(len(centres), bool)
+    tied[seen] = np.isin(piece, [p for p, k in zip(piece, seen, strict=True) if k in seeds])
+    return tuple(breaks), tied
+
+
+def _outliers(shape: Body, centres: Floats, poses: Floats, errors: Floats) -> NDArray[np.bool_]:
+    """Frames (T,) off the middle of their neighbours by half a radius and more than usual, with more than usual error.
+
+    A blow bends the motion too, but the silhouette is shown as well as ever.
+    """
+    found = np.zeros(len(centres), bool)
+    apart = np.linalg.norm(centres[1:-1] - 0.5 * (centres[2:] + centres[:-2]), axis=1)
+    if not np.isfinite(apart).any():
+        return found
+    usual = np.nanmedian(apart)
+    common = np.median(errors[np.isfinite(errors)])
+    for k in np.flatnonzero(np.isfinite(apart)) + 1:
+        off = apart[k - 1] > max(0.5 * shape.radius(poses[k]), 4 * usual)
+        found[k] = off and errors[k] > 2 * common
+    return found

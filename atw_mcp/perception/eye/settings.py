@@ -1,0 +1,87 @@
+"""Every tuned number of the eye, with its unit and its reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class EyeSettings:
+    """Numbers of the pixel likelihood, the pose search and the follower.
+
+    Log-likelihoods are in nats, features are logarithms of levels (pixels.features), lengths in pixels or in radii of a
+    body (the radius of the circle of its area).
+    """
+
+    # features and likelihoods of a pixel
+    dark_level: float = 12.0  # [levels] added before the logarithm: noise of coding below it would dominate
+    unknown: float = 4e-4  # density of a pixel that nothing explains: uniform over the range of the three features
+    decided: float = 5.0  # [nats] a pixel's log odds are limited to this: one pixel never decides alone
+    clusters: int = 6  # colours of a body: a shaded body of one paint needs 3, a mirror ball 6
+    cells: int = 7  # by place on the body, along each axis
+    cell_blur: float = 1.0  # [cells] smoothness of the colours' weights over the body
+    place_prior: float = 20.0  # [pixels] weight of the whole body's colours in a cell
+    least_spread: tuple[float, float, float] = (0.06, 0.03, 0.03)  # of a colour: coding noise and aliased edges
+    least_pixels: int = 12  # of a body below which colours are not learned
+    sampled_pixels: int = 4000  # of a body from which colours are learned; more change nothing
+
+    # background and shade
+    background_frames: int = 30  # sampled over the clip for the background; its median is then good to 20% of noise
+    rare: float = 2.0  # [nats] by which a pixel looks like a body rather than like the film
+    noise_floor: float = 0.012  # [feature] least noise of the background: rounding of levels of 100
+    sharp: float = 0.25  # [px] by which edges of the background may be displaced: coding, shake
+    free_shade: float = 0.12  # probability of a darkening that the shade around the body does not predict
+    deepest_shade: float = 2.6  # [log] darkening by shadow at the most, a factor of 13
+    brightest_light: float = 0.25  # [log] brightening by reflected light at the most
+    shade_slack: float = 0.2  # share of a predicted darkening by which it may be wrong
+    shade_chroma: float = 0.05  # chroma error per unit of darkening: the added dark level bends it
+    shade_reach: float = 4.0  # [radii] around a body over which its shade is learned
+    shade_cells: int = 40  # along each axis of that
+    shade_blur: float = 0.6  # [cells] smoothness
+    edge_band: float = 1.5  # [px] along a silhouette from which neither body nor background is learned: mixed pixels
+
+    # silhouettes
+    normals: int = 80  # along a contour at the most: neighbours nearer than a pixel say the same
+    step: float = 0.5  # [px] along a normal: half the width of an edge
+    reaches: tuple[float, ...] = (12.0, 8.0, 5.0, 4.0, 4.0)  # [px] of a normal, coarse to fine
+    reach_radii: float = 0.7  # [radii] of a normal at the most: beyond it lies another side of the body
+    edge_error: float = 0.3  # [px] standard deviation of one normal's edge at the best
+    mixed_rounds: int = 2  # steps at the end that resolve edges by mixed pixels
+    mixed_near: float = 2.0  # [px] from an edge within which pixels are mixed: lens, coding of colour at half size
+    shaded_edge: float = 2.0  # [px] per unit of log factor: an edge against a shade may be the shade's own
+    pure_error: float = 0.7  # [px] of an edge by pure colours: mixed pixels count for the more varied side
+    light_noise: float = 0.01  # of a pixel's light, of 1: about three levels
+    gamma: float = 2.2  # exponent from levels to light, which is what mixes in a pixel: sRGB and video
+    robust: float = 2.0  # scales of residuals of normals beyond which they lose weight
+    correlated: float = 2.5  # [px] along a contour over which errors of normals are alike
+    systematic: float = 0.02  # of a radius: error of a pose that no curvature shows (colours, shape)
+
+    # following
+    weak: float = 0.65  # of its usual contrast, or share of decided edges, below which a place is doubted: it is also
+    # searched for elsewhere, and the confidence falls
+    apart: float = 0.7  # [radii] below which two bodies' places are one, which only one of them can take
+    search: float = 5.0  # [radii] around the prediction in which a body is searched for, more after each miss
+    search_most: float = 25.0  # [radii] of that at the most
+    coarse: float = 4.0  # [px] radius of a body at the resolution of that search
+    peaks: int = 3  # of the search that are refined
+    present: float = 0.5  # [nats] contrast of mean log odds, inside over around, from which on a body is seen
+    fraction: float = 0.35  # of its usual contrast below which a body is not seen
+    support: float = 10.0  # independent pixels that a body counts for: model errors of its pixels are alike
+    visible: float = 0.08  # share of a body's area from which on it is seen
+    jump: float = 2.0  # [radii] between frames beyond the motion around: a break
+    faster: float = 1.5  # times the motion around that is no jump, and is searched: a throw, a blow
+    gap: int = 4  # [frames] over which motion can be continued: without sight, before and after a meeting
+    motion: float = 0.5  # [radii] standard deviation of a frame's change of displacement
+    least_motion: float = 0.1  # [radii] of that at the least: errors of poses
+    rounds: int = 2  # of states, then colours
+    hold: float = 0.3  # [radii] standard deviation of a seed: a centre given by eye
+    hold_pixels: float = 2.0  # [px] at least: what is drawn by eye is no better
+    turn: float = 0.15  # [rad] standard deviation of a frame's change of angle
+    growth: float = 0.02  # [log] standard deviation of an outline's scale from that of its seed
+
+    # masks
+    smooth: float = 1.2  # [nats] price of a pair of neighbours of different states
+
+    # assignment
+    meeting: float = 1.2  # [sums of radii] between look-alikes below which they may be exchanged
+    orders: int = 48  # best assignments kept from one meeting to the next

@@ -1,0 +1,112 @@
+"""States: where a body is in one frame, searched coarse to fine about the places where it may be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from atw_mcp.perception.eye.likelihood import Scene
+from atw_mcp.perception.eye.pixels import Floats, filled
+from atw_mcp.perception.eye.silhouette import Fit, fit_pose
+
+
+@dataclass(frozen=True)
+class State:
+    """A fitted pose with what supports it: mean log odds inside and in a ring around it [nats], visible share."""
+
+    fit: Fit
+    inside: float
+    around: float
+    visible: float
+
+    @property
+    def contrast(self) -> float:
+        """Mean log odds [nats] by which the body's pixels look more like it than those around it."""
+        return self.inside - max(self.around, 0.0)
+
+
+def present(scene: Scene, body: int, state: State) -> bool:
+    """Check that pixels show a body at a state about as well as they do where it is known to be."""
+    s = scene.settings
+    return state.contrast > max(s.present, s.fraction * scene.usual[body]) and state.visible > s.visible
+
+
+def state_at(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | None = None, coarse: int = 0) -> State:
+    """Refine a pose and evaluate what supports it."""
+    fit = fit_pose(scene, body, frame, pose, prior, coarse)
+    return State(fit, *scene.looks(body, frame, fit.pose))
+
+
+def motion_prior(scene: Scene, body: int) -> Floats:
+    """Standard deviations (4,) of a pose about its prediction from the frame before."""
+    s, shape = scene.settings, scene.bodies[body]
+    wide = 3.0 * shape.unit
+    wide[2] = s.turn
+    if np.isclose(shape.unit[3], 1.0) and np.isclose(shape.unit[2], 1.0):
+        wide[3] = s.growth
+    return wide
+
+
+def score(scene: Scene, body: int, state: State, predicted: Floats | None, spread: float | None = None) -> float:
+    """Log likelihood [nats] of a state: what supports it, tempered, and the motion from a prediction.
+
+    The motion's error has Cauchy tails in two coordinates, since bodies collide; spread: its scale [radii].
+    """
+    s, shape = scene.settings, scene.bodies[body]
+    total = s.support * state.contrast * state.visible
+    if predicted is not None:
+        apart = float(np.linalg.norm(shape.centre(state.fit.pose) - shape.centre(predicted)))
+        total -= 1.5 * np.log1p((apart / ((spread or s.motion) * shape.radius(predicted))) ** 2)
+    return total
+
+
+def peaks(scene: Scene, body: int, frame: int, pose: Floats, reach: float) -> list[Floats]:
+    """Poses of largest summed log odds about a pose, within `reach` [radii]: a correlation with the silhouette."""
+    s, shape = scene.settings, scene.bodies[body]
+    radius, middle = shape.radius(pose), shape.centre(pose)
+    pitch = max(1.0, radius / s.coarse)
+    count = int(np.ceil(reach * radius / pitch))
+    u, v = (middle[a] + np.arange(-count, count + 1) * pitch for a in (0, 1))
+    u = u[(u > -radius) & (u < scene.film.width + radius)]
+    v = v[(v > -radius) & (v < scene.film.height + radius)]
+    if len(u) < 2 or len(v) < 2:
+        return []
+    grid = np.stack(np.meshgrid(u, v), axis=-1)
+    odds, free = scene.log_odds(body, frame, pose, grid.reshape(-1, 2), anywhere=True)
+    image = np.where(free, odds, 0.0).reshape(grid.shape[:2]).astype(np.float32)
+    polygon = (shape.polygon(pose) - middle) / pitch
+    half = int(np.ceil(np.abs(polygon).max())) + 1
+    kernel = filled(polygon + half, (0, 0), (2 * half + 1, 2 * half + 1)).astype(np.float32)
+    summed = cv2.filter2D(image, -1, kernel / max(kernel.sum(), 1.0), borderType=cv2.BORDER_CONSTANT)
+    found = []
+    for _ in range(s.peaks):
+        row, column = divmod(int(np.argmax(summed)), summed.shape[1])
+        if summed[row, column] < 0.2 * s.present:
+            break
+        place = grid[row, column]
+        found.append(shape.placed(place, pose))
+        summed[np.hypot(*np.moveaxis(grid - place, -1, 0)) < radius] = -np.inf
+    return found
+
+
+def candidates(
+    scene: Scene, body: int, frame: int, predicted: Floats, others: list[Floats], about: Floats, reach: float
+) -> list[tuple[float, State]]:
+    """Scored states of a body in a frame: at its prediction and other poses; by search `about` a pose, within `reach`
+    [radii], where those look weak. None where it is not seen."""
+    prior = motion_prior(scene, body)
+    found: list[tuple[float, State]] = []
+
+    def attempt(pose: Floats, coarse: int) -> None:
+        state = state_at(scene, body, frame, pose, prior, coarse)
+        if present(scene, body, state):
+            found.append((score(scene, body, state, predicted), state))
+
+    for pose in [predicted, *others]:
+        attempt(pose, 1)
+    if not any(state.contrast > scene.settings.weak * scene.usual[body] for _, state in found):
+        for pose in peaks(scene, body, frame, about, reach):
+            attempt(pose, 0)
+    return found
