@@ -1,8 +1,4 @@
-"""The eye: states of bodies from pixels by one likelihood, from any hint at where they are.
-
-    bodies = [Solid(...), outline_body("cart", seed)]
-    tracks, scene = observe(frames, bodies, seeds)
-"""
+"""Follow bodies through frames by one likelihood of pixels: `observe(frames, bodies, seeds)` gives tracks and scene."""
 
 from atw_mcp.perception.eye.bodies import Outline, Solid
 from atw_mcp.perception.eye.masks import BodyMask, body_mask
