@@ -132,6 +132,21 @@ def test_intervals_hold_the_truth_as_often_as_they_claim() -> None:
     assert 0.63 < np.mean(held) < 0.95
 
 
+def test_a_film_brakes_the_lighter_puck_more() -> None:
+    """Equal pucks of 1 and 8 kg on a film of 0.8 N s/m: their speeds decay at 0.8 and 0.1 per second."""
+    masses = np.array([1.0, 8.0])
+
+    def film(_t: float, _x: np.ndarray, v: np.ndarray, _w: np.ndarray) -> np.ndarray:
+        return -0.8 / masses[:, None] * v
+
+    start = Started(np.array([[0.0, -1.0], [0.0, 1.0]]), np.array([[2.5, 0.0], [2.5, 0.0]]), np.zeros(2))
+    hidden = discs([0.05, 0.05], masses=list(masses), forces=(film,))
+    found = fit(Study((clip(hidden, start, 60, materials=["steel", "steel"]),)), WHOLE)
+    light, heavy = (found.runs[0].world.object(n).linear_damping for n in "ab")
+    assert found.constant("linear_damping by area").value > 2.0 * found.constant("linear_damping").value
+    assert light > 2.5 * heavy
+
+
 def struck_otherwise() -> StudyRun:
     """A clip whose impact turns the struck puck by 20 degrees more and leaves it a third slower than rigid laws do."""
     hidden, times = discs([STEEL, WOOD], masses=[1.0, 1.8]), np.arange(40) * FRAME
