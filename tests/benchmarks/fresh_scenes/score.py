@@ -3,7 +3,8 @@
 A table by family: error of the posterior's median, and of the fitted world, 0.5, 1 and 2 s after the clip over that of
 staying at the last frame (ratio of medians, and of means), coverage of 80% intervals, and processor seconds a clip.
 Heights count in coverage where they change. Sensitive bodies do not count. Scenes are written to --folder when missing.
-Set OMP_NUM_THREADS=1, so that processor seconds are those of one thread.
+Worlds are planar or spatial as BuildWorld chooses. Set OMP_NUM_THREADS=1, so that processor seconds are those of one
+thread.
 """
 
 import argparse
@@ -17,6 +18,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from atw_mcp.worlds.parts import Parts
+from atw_mcp.worlds.representation_choice import choose
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.fitted import StudyFit
@@ -43,11 +46,23 @@ def shape(given: dict[str, Any]) -> Sphere | Box | Cylinder:
     return made
 
 
-def world_of(task: dict[str, Any], planar: bool) -> World:
+def world_of(task: dict[str, Any], tracks: ObservedTracks) -> World:
     """Return the world that a user builds of what is known: shapes, masses, materials, floor and ramp."""
+    shapes = {o["name"]: shape(o["shape"]) for o in task["objects"]}
+    others = [
+        StaticObject(name=s["name"], shape=shape(s), position=tuple(s["position"]),
+                     orientation=tuple(s["orientation"]), appearance=Appearance(material=s["material"]))
+        for s in task["statics"]
+    ]  # fmt: skip
+    heights = {o["name"]: o["shape"].get("radius", 0.0) for o in task["objects"]}
+    heights |= {n: getattr(s, "half_height", heights[n]) for n, s in shapes.items()}
+    heights |= {n: s.half_extents[2] for n, s in shapes.items() if isinstance(s, Box)}
+    chosen = choose("auto", tracks, heights, shapes, statics=tuple(others), plane=None, gravity=tuple(task["gravity"]),
+                    parts=Parts(), heights_assumed=False)  # fmt: skip
+    planar = chosen.kind == "planar"
     kind: Literal["rigid_planar", "rigid_spatial"] = "rigid_planar" if planar else "rigid_spatial"
     objects = tuple(
-        RigidObject(name=o["name"], representation=kind, shape=shape(o["shape"]), mass=o["mass"],
+        RigidObject(name=o["name"], representation=kind, shape=shapes[o["name"]], mass=o["mass"],
                     position=(0, 0, 1), appearance=Appearance(material=o["material"]))
         for o in task["objects"]
     )  # fmt: skip
@@ -55,11 +70,6 @@ def world_of(task: dict[str, Any], planar: bool) -> World:
     if planar:
         return World(objects=objects, time=clock, environment=Environment(motion_plane=MotionPlane(friction=0.7)))
     floor = StaticObject(name="floor", shape=Plane(), appearance=Appearance(material=task["floor"]["material"]))
-    others = [
-        StaticObject(name=s["name"], shape=shape(s), position=tuple(s["position"]),
-                     orientation=tuple(s["orientation"]), appearance=Appearance(material=s["material"]))
-        for s in task["statics"]
-    ]  # fmt: skip
     return World(objects=objects, time=clock, statics=(floor, *others))
 
 
@@ -117,7 +127,6 @@ def main() -> None:
     parser.add_argument("--families", nargs="*", default=FAMILIES, choices=FAMILIES)
     parser.add_argument("--seeds", default="0-4", help="first-last")
     parser.add_argument("--noise", default="5mm", choices=("5mm", "20mm"))
-    parser.add_argument("--planar", action="store_true", help="planar worlds for floor_planar")
     parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()) / "fresh")
     parser.add_argument("--json", action="store_true", help="a line for every clip, with its rows")
     given = parser.parse_args()
@@ -126,17 +135,18 @@ def main() -> None:
     every: list[dict[str, Any]] = []
     spent: list[float] = []
     for family in given.families:
-        own, seconds, planar = every[:0], spent[:0], given.planar and family == "floor_planar"
+        own, seconds = every[:0], spent[:0]
         for seed in range(first, last + 1):
             folder = given.folder / f"{family}_{seed:03d}"
             if not (folder / "key.json").exists():
                 write(scenes(family, seed), folder)
             task, key = (json.loads((folder / f"{n}.json").read_text()) for n in ("task", "key"))
-            study = of_one(world_of(task, planar), tracks_of(task, folder / f"tracks_{given.noise}.csv"))
+            tracks = tracks_of(task, folder / f"tracks_{given.noise}.csv")
+            study = of_one(world_of(task, tracks), tracks)
             began = time.process_time()
             found = fit(study, FitOptions())
             seconds.append(time.process_time() - began)
-            rows = rows_of(found, task, key, planar)
+            rows = rows_of(found, task, key, study.runs[0].world.planar)
             own += rows
             if given.json:
                 values = {c.unknown.name: round(c.value, 3) for c in found.constants}
