@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from atw_mcp.looking.overlay import DARK, OBSERVED, Canvas, Color, Crop, Image
 from atw_mcp.perception.background import Mask
+from atw_mcp.perception.camera_motion import as_filmed, as_stabilised
 from atw_mcp.perception.constraints import Seed
+from atw_mcp.perception.eye import EyeSettings, background_scene
+from atw_mcp.perception.follow_bodies import Clip
 from atw_mcp.perception.observation import ImageObservation, ObservedObject
-from atw_mcp.perception.pixel_evidence import PixelEvidence
-from atw_mcp.perception.scene_models import model_scene
 from atw_mcp.perception.video import load
 
 UNEXPLAINED: Color = (0, 230, 255)
@@ -38,20 +39,26 @@ class ResidualView:
         self.observation = observation
         stride = observation.frames[1] - observation.frames[0] if len(observation.frames) > 1 else 1
         _, frames = load(path, stride=stride)
-        self.models = model_scene(frames, stop)
-        seeds = [(observation.row(c.frame), c.mask.decode()) for c in observation.constraints if isinstance(c, Seed)]
-        self.models.uncover([(row, self.models.working(mask, row)) for row, mask in seeds])
-        self.evidence = PixelEvidence(self.models)
+        self.clip = Clip.of(frames, stride, stop)
+        self.scene = background_scene(self.clip.steady, self._steady_objects, EyeSettings())
+
+    def _steady_objects(self, row: int) -> Mask:
+        """Pixels (H, W) of all objects in a steady frame, grown by a rim."""
+        objects = self._objects(self.observation.frames[row])
+        return objects if self.clip.motion is None else as_stabilised(objects, self.clip.motion[row])
+
+    def _objects(self, frame: int) -> Mask:
+        labels = (self.observation.label_image(frame) > 0).astype(np.uint8)
+        reach = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * RIM + 1, 2 * RIM + 1))
+        return np.asarray(cv2.dilate(labels, reach) > 0)
 
     def unexplained(self, frame: int) -> Mask:
         """Pixels (H, W) of a frame that are neither background nor shadow nor any object's."""
         row = self.observation.row(frame)
-        whole = (slice(0, self.models.size[0]), slice(0, self.models.size[1]))
-        apart = cv2.GaussianBlur(self.evidence.apart(row, whole), (0, 0), 0.8) > 0
+        apart = cv2.GaussianBlur(self.scene.unlike_background(row), (0, 0), 0.8) > 0
         apart = cv2.morphologyEx(apart.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
-        objects = (self.observation.label_image(frame) > 0).astype(np.uint8)
-        reach = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * RIM + 1, 2 * RIM + 1))
-        return self.models.filmed(apart, row) & ~(cv2.dilate(objects, reach) > 0)
+        filmed = apart if self.clip.motion is None else as_filmed(apart, self.clip.motion[row])
+        return np.asarray(filmed & ~self._objects(frame))
 
     def beside(self, image: Image, frame: int, names: list[str], crop: Crop | None, zoom: float | None) -> Image:
         """The frame with silhouettes of the named objects filled, and what is unexplained in yellow."""
@@ -71,7 +78,7 @@ class ResidualView:
             top = GAP + k * (STRIP + GAP)
             strip[top : top + STRIP, LABEL : LABEL + room] = _tones(self.observation.object(name))[columns][None]
             for c in self.observation.constraints:
-                if isinstance(c, Seed) and c.object == name:
+                if isinstance(c, Seed) and c.object == name and c.frame is not None:
                     x = LABEL + self._column(c.frame, room)
                     strip[top : top + STRIP, x : x + 2] = OBSERVED
             cv2.putText(

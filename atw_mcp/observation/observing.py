@@ -117,6 +117,14 @@ def latest_camera(app: App, case: Case) -> Camera | None:
     return Camera.model_validate(app.store.observations.get(found[0][1]).document["camera"])
 
 
+def motion_plane_of(app: App, case: Case, floor: float = 0.0) -> MotionPlane:
+    """The plane in which objects move: the floor, at z = `floor`, or y = 0 for a camera calibrated as a side view."""
+    found = app.store.cases.observations(case.id, "camera")
+    if found and app.store.observations.get(found[0][1]).document["side_view"]:
+        return SIDE_VIEW
+    return MotionPlane(point=(0.0, 0.0, floor))
+
+
 # --- tracks in world coordinates ---
 
 
@@ -186,8 +194,7 @@ def derivation(
         )
     camera = app.store.observations.get(cameras[0][1])
     free = plane is None and not camera.document["side_view"]
-    if plane is None:
-        plane = SIDE_VIEW if camera.document["side_view"] else MotionPlane(point=(0.0, 0.0, floor))
+    plane = plane or motion_plane_of(app, case, floor)
     rate = float(case.facts.get("frames_per_second") or 0.0)
     seen = app.store.observations.get(identifier).document["names"]
     known = {name: solid for name, solid in solids.items() if name in seen}
@@ -226,8 +233,12 @@ def _derive(app: App, how: Derivation, progress: Progress) -> dict[str, Any]:
     def reporter(begin: float) -> Callable[[float, str], None]:
         return lambda share, what: progress.report(begin + 0.5 * share, 1.0, what)
 
-    estimates = estimate_sizes(seen, camera, how.plane, progress=reporter(0.0), cancelled=progress.cancelled)
-    solids = {**{name: found.solid for name, found in estimates.items()}, **how.solids}
+    known = {} if seen.scene is None else {n: s for n, s in seen.scene.solids.items() if n in seen.names}
+    others = [name for name in seen.names if name not in known]
+    estimates = estimate_sizes(
+        seen, camera, how.plane, only=others, progress=reporter(0.0), cancelled=progress.cancelled
+    )
+    solids = {**{name: found.solid for name, found in estimates.items()}, **known, **how.solids}
     tracks = world_tracks(
         seen,
         camera,

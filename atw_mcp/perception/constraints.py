@@ -1,26 +1,34 @@
 """Statements of somebody who looked at a video: kept with the observation, and never altered by what follows.
 
-A seed is an object's whole mask in one frame; an exclusion says where in which frames an object, or any, is not; a
-shade says that a region is shadow; a rest says that an object does not move from one frame to another.
+A seed says where an object is in one frame; an exclusion says where in which frames an object, or any, is not; a rest
+says that an object does not move from one frame to another.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Literal
 
 from atw_mcp.perception.masks import RunLengthMask
 
 Position = tuple[float, float, float]
+Numbers = tuple[float, ...]
+SeedKind = Literal["outline", "circle", "box", "centre", "words", "mask"]
 
 
 @dataclass(frozen=True)
 class Seed:
-    """mask of an object in a frame; position: where its centre is in the world then [m], where that was said."""
+    """Hint at where an object is in a frame, in that frame's own pixels.
+
+    value: an outline's points (u, v, u, v, ...), circle (u, v, radius), box (left, top, right, bottom), centre (u, v)
+    [px], a mask, or a colour, which leaves the frame open. position: where its centre is in the world then [m], where
+    that was stated.
+    """
 
     object: str
-    frame: int
-    mask: RunLengthMask
+    kind: SeedKind
+    frame: int | None
+    value: Numbers | RunLengthMask | str
     position: Position | None = None
 
 
@@ -35,15 +43,6 @@ class Exclusion:
 
 
 @dataclass(frozen=True)
-class Shade:
-    """The region of `mask` is shadow in a frame; object: whose mask holds it (None: any that does)."""
-
-    frame: int
-    mask: RunLengthMask
-    object: str | None = None
-
-
-@dataclass(frozen=True)
 class Rest:
     """An object does not move in frames first..last."""
 
@@ -52,14 +51,14 @@ class Rest:
     last: int
 
 
-Constraint = Seed | Exclusion | Shade | Rest
-_KINDS: dict[str, type[Constraint]] = {"seed": Seed, "exclusion": Exclusion, "shade": Shade, "rest": Rest}
+Constraint = Seed | Exclusion | Rest
+_KINDS: dict[str, type[Constraint]] = {"seed": Seed, "exclusion": Exclusion, "rest": Rest}
 
 
 def to_dict(constraint: Constraint) -> dict[str, Any]:
     """JSON-ready values; `from_dict` reads them back."""
-    kind = next(k for k, made in _KINDS.items() if isinstance(constraint, made))
-    values: dict[str, Any] = {"kind": kind}
+    statement = next(k for k, made in _KINDS.items() if isinstance(constraint, made))
+    values: dict[str, Any] = {"statement": statement}
     for item in fields(constraint):
         value = getattr(constraint, item.name)
         if isinstance(value, RunLengthMask):
@@ -73,12 +72,15 @@ def to_dict(constraint: Constraint) -> dict[str, Any]:
 
 def from_dict(data: dict[str, Any]) -> Constraint:
     """Return the inverse of `to_dict`."""
-    values = {k: v for k, v in data.items() if k != "kind"}
-    if "mask" in values:
-        values["mask"] = RunLengthMask.from_dict(values["mask"])
-    if "position" in values:
-        values["position"] = tuple(float(v) for v in values["position"])
-    return _KINDS[data["kind"]](**values)
+    values = {"frame": None, **data} if data["statement"] == "seed" else dict(data)
+    made = _KINDS[values.pop("statement")]
+    for key in ("mask", "value", "position"):
+        value = values.get(key)
+        if isinstance(value, dict):
+            values[key] = RunLengthMask.from_dict(value)
+        elif isinstance(value, list):
+            values[key] = tuple(float(v) for v in value)
+    return made(**values)
 
 
 def renamed(constraint: Constraint, old: str, new: str) -> Constraint:

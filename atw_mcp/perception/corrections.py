@@ -18,15 +18,16 @@ _NAME = re.compile(r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$")
 class Outline:
     """Says where an object is in one frame; it is then followed from there in both directions.
 
-    Give box (left, top, width, height) [px], points inside it (positive) and outside it (negative), or a mask
-    (height, width); several together refine each other, and a mask alone is taken as it is. add: a new object.
+    Give one of outline (u, v points), circle (u, v, radius), box (left, top, width, height), centre (u, v) [px], and
+    mask (height, width). add: a new object.
     """
 
     object: str
     frame: int
+    outline: tuple[Point, ...] | None = None
+    circle: tuple[float, float, float] | None = None
     box: Box | None = None
-    positive: tuple[Point, ...] = ()
-    negative: tuple[Point, ...] = ()
+    centre: Point | None = None
     mask: RunLengthMask | None = None
     add: bool = False
 
@@ -47,16 +48,6 @@ class Exclude:
 
     frame: int
     last_frame: int | None = None
-    object: str | None = None
-    box: Box | None = None
-    mask: RunLengthMask | None = None
-
-
-@dataclass(frozen=True)
-class Shadow:
-    """Says that a region, a box or mask, is shadow in one frame: objects that hold it are freed of shadow in all."""
-
-    frame: int
     object: str | None = None
     box: Box | None = None
     mask: RunLengthMask | None = None
@@ -103,14 +94,13 @@ class Drop:
     object: str
 
 
-Statement = Outline | Place | Exclude | Shadow | Stay
+Statement = Outline | Place | Exclude | Stay
 Correction = Statement | Merge | Split | Rename | Drop
 _KINDS: dict[str, type[Correction]] = {
     "outline": Outline,
     "add": Outline,
     "place": Place,
     "exclude": Exclude,
-    "shadow": Shadow,
     "rest": Stay,
     "merge": Merge,
     "split": Split,
@@ -131,15 +121,13 @@ def correction_of(data: dict[str, Any]) -> Correction:
     try:
         if isinstance(fields.get("mask"), dict):
             fields["mask"] = RunLengthMask.from_dict(fields["mask"])
-        for key in ("positive", "negative"):
+        if "outline" in fields:
+            fields["outline"] = tuple((float(u), float(v)) for u, v in fields["outline"])
+        for key, count in (("box", 4), ("circle", 3), ("centre", 2), ("position", 3)):
             if key in fields:
-                fields[key] = tuple((float(x), float(y)) for x, y in fields[key])
-        if "box" in fields:
-            left, top, width, height = (float(v) for v in fields["box"])
-            fields["box"] = (left, top, width, height)
-        if "position" in fields:
-            x, y, z = (float(v) for v in fields["position"])
-            fields["position"] = (x, y, z)
+                fields[key] = tuple(float(v) for v in fields[key])
+                if len(fields[key]) != count:
+                    raise ValueError(f"{key} has {count} numbers")
         if kind == "add":
             fields["add"] = True
         return _KINDS[kind](**fields)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any, Literal, Self
 
 import cv2
@@ -12,7 +11,9 @@ from numpy.typing import NDArray
 
 from atw_mcp.perception import constraints as said
 from atw_mcp.perception.constraints import Constraint
+from atw_mcp.perception.known_scene import KnownScene
 from atw_mcp.perception.masks import Mask, RunLengthMask
+from atw_mcp.perception.places import Places
 from atw_mcp.perception.video import VideoInfo
 
 Floats = NDArray[np.float64]
@@ -40,7 +41,8 @@ class ObservedObject:
     behind another object; truncated by the image border; hidden behind another object; absent. confidence (T,)
     in 0..1, 0 where nothing of it is seen. centroid (T, 2) x, y and box (T, 4) left, top, width, height [px],
     NaN where not seen; area (T,) [px]. masks (T,), None where not seen. entry_frame, exit_frame: first and last
-    frame in which it is seen; enters, exits: whether it comes in or leaves through the image border.
+    frame in which it is seen; enters, exits: whether it comes in or leaves through the image border. places: in the
+    world, of a solid of known shape.
     """
 
     name: str
@@ -57,6 +59,7 @@ class ObservedObject:
     exit_frame: int
     enters: bool
     exits: bool
+    places: Places | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready values; places and areas follow from the masks and are not repeated."""
@@ -72,6 +75,7 @@ class ObservedObject:
             "exit_frame": self.exit_frame,
             "enters": self.enters,
             "exits": self.exits,
+            **({} if self.places is None else {"places": self.places.to_dict()}),
         }
 
     @classmethod
@@ -98,6 +102,7 @@ class ObservedObject:
             exit_frame=int(data["exit_frame"]),
             enters=bool(data["enters"]),
             exits=bool(data["exits"]),
+            places=Places.from_dict(data["places"]) if "places" in data else None,
         )
 
     def summary(self) -> dict[str, Any]:
@@ -129,9 +134,9 @@ class ImageObservation:
     """Everything seen in a video, in pixels.
 
     Row i of every series is frame `frames[i]` of the file (equal to i unless frames were skipped). constraints: what
-    was said of it by whoever looked; found: masks (T,) of objects as they were before any constraint, of those that
-    have others now; notes: where objects could not be followed. camera_motion (T, 2, 3): maps from pixels of the first
-    frame to those of each frame, None where the camera stands still.
+    was said of it by whoever looked; scene: what was known of the scene, with which bodies were followed; notes: where
+    they are unsure. camera_motion (T, 2, 3): maps from pixels of the first frame to those of each frame, None where the
+    camera stands still.
     """
 
     video: VideoInfo
@@ -139,7 +144,7 @@ class ImageObservation:
     objects: tuple[ObservedObject, ...]
     warnings: tuple[str, ...] = ()
     constraints: tuple[Constraint, ...] = ()
-    found: Mapping[str, tuple[RunLengthMask | None, ...]] = field(default_factory=dict)
+    scene: KnownScene | None = None
     notes: tuple[str, ...] = ()
     camera_motion: Floats | None = None
 
@@ -213,11 +218,9 @@ class ImageObservation:
         }
         if self.constraints:
             values["constraints"] = [said.to_dict(c) for c in self.constraints]
-            values["found"] = {
-                name: [None if m is None else m.to_dict()["counts"] for m in masks]
-                for name, masks in self.found.items()
-            }
             values["notes"] = list(self.notes)
+        if self.scene is not None:
+            values["scene"] = self.scene.to_dict()
         if self.camera_motion is not None:
             values["camera_motion"] = np.round(self.camera_motion, 6).tolist()
         return values
@@ -226,17 +229,13 @@ class ImageObservation:
     def from_dict(cls, data: dict[str, Any]) -> Self:
         """Return the inverse of `to_dict`."""
         video = VideoInfo.from_dict(data["video"])
-        size = [video.height, video.width]
         return cls(
             video=video,
             frames=tuple(int(f) for f in data["frames"]),
             objects=tuple(ObservedObject.from_dict(o, video.height, video.width) for o in data["objects"]),
             warnings=tuple(data["warnings"]),
             constraints=tuple(said.from_dict(c) for c in data.get("constraints", [])),
-            found={
-                name: tuple(None if m is None else RunLengthMask.from_dict({"size": size, "counts": m}) for m in masks)
-                for name, masks in data.get("found", {}).items()
-            },
+            scene=KnownScene.from_dict(data["scene"]) if "scene" in data else None,
             notes=tuple(data.get("notes", [])),
             camera_motion=np.array(data["camera_motion"]) if "camera_motion" in data else None,
         )

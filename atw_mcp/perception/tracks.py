@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from atw_mcp.perception.known_scene import same_plane
 from atw_mcp.perception.observation import ImageObservation, ObservationError
+from atw_mcp.perception.places import Places, with_places
 from atw_mcp.perception.pose_fit import OutlineProblem, PoseFit, fit_poses
 from atw_mcp.perception.silhouettes import SIZE_COUNT, TURNING, SolidKind, Stage, lift_of, trusted_outline
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
@@ -99,13 +101,15 @@ def estimate_sizes(
     plane: MotionPlane = DEFAULT_PLANE,
     *,
     kinds: Mapping[str, SolidKind] | None = None,
+    only: Sequence[str] | None = None,
     progress: Progress | None = None,
     cancelled: Cancelled | None = None,
 ) -> dict[str, SolidEstimate]:
     """Return the solid each object is: kind (unless given in `kinds`) and dimensions, from its outline in many frames.
 
-    Objects stand on `plane`, or move with their centres in it when it does not support them. An object with
-    too few frames for an estimate is left out of the result. A cube is a box whose edges are equal.
+    Objects stand on `plane`, or move with their centres in it when it does not support them. only: names of those to
+    estimate, default all. An object with too few frames for an estimate is left out of the result. A cube is a box
+    whose edges are equal.
     """
     _check_camera(observation, camera)
     for name, kind in (kinds or {}).items():
@@ -116,6 +120,8 @@ def estimate_sizes(
     labels = [observation.label_image(f) for f in observation.frames]
     result = {}
     for number, observed in enumerate(observation.objects, start=1):
+        if only is not None and observed.name not in only:
+            continue
         _report(progress, cancelled, (number - 1) / len(observation.objects), f"size of {observed.name}")
         rows = _size_rows(observation, number)
         evidence = _evidence(observation, labels, number, rows, {})
@@ -167,7 +173,8 @@ def world_tracks(
         chosen.update({n: estimates[n].solid for n in unknown if n in estimates})
     stage = Stage.of(camera, plane)
     labels = [observation.label_image(f) for f in observation.frames]
-    wanted = chosen if only is None else only
+    placed = followed_places(observation, camera, chosen, plane)
+    wanted = [name for name in (chosen if only is None else only) if name not in placed]
     numbers = [k for k, o in enumerate(observation.objects, start=1) if o.name in wanted]
     rough = _depths(observation, stage, chosen)
     fits: dict[int, _Placed] = {}
@@ -184,7 +191,29 @@ def world_tracks(
             ways = [way for way in ways if way[0] == said] or ways
             tried = [_place(observation, stage, labels, number, way, evidence, given=given) for way in ways]
             fits[number] = min(tried, key=lambda placed: placed.misfit)
-    return _tracks(observation, stage, fits, seconds_per_frame)
+    sure = {name: observation.object(name).confidence for name in placed}
+    return with_places(_tracks(observation, stage, fits, seconds_per_frame), placed, sure)
+
+
+def followed_places(
+    observation: ImageObservation, camera: Camera, solids: Mapping[str, Solid], plane: MotionPlane
+) -> dict[str, Places]:
+    """Return the places of objects that were followed as these solids, with this camera, on this plane."""
+    scene = observation.scene
+    if scene is None or scene.camera != camera or not same_plane(scene.plane, plane):
+        return {}
+    places = {o.name: o.places for o in observation.objects}
+    found = {}
+    for name, own in scene.solids.items():
+        one = places.get(name)
+        if one is not None and name in solids and _same_solid(solids[name], own):
+            found[name] = one
+    return found
+
+
+def _same_solid(one: Solid, other: Solid) -> bool:
+    (kind, size), (other_kind, other_size) = kind_and_size(one), kind_and_size(other)
+    return kind == other_kind and bool(np.allclose(size, other_size))
 
 
 def costs_of_rest(

@@ -276,10 +276,7 @@ def _surroundings(request: _BuildRequest) -> Surroundings | None:
     if request.floor == "none" or request.gravity[2] >= 0.0 or request.gravity[:2] != (0.0, 0.0):
         return None
     convex = [item for item in request.statics if not isinstance(item.shape, Plane | Wall | TriangleMesh)]
-    corners = {
-        item.name: tuple(_triple(corner.tolist()) for corner in own)
-        for item, own in zip(convex, corners_of(convex), strict=True)
-    }
+    corners = {item.name: own for item, own in zip(convex, corners_of(convex), strict=True)}
     return Surroundings(request.gravity, request.floor or 0.0, corners)
 
 

@@ -16,9 +16,10 @@ from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.fitting.video_model import VideoRequest, model_video
 from atw_mcp.observation.matching import Known
 from atw_mcp.observation.observing import latest_camera
-from atw_mcp.perception.known.colour_words import colour_word
+from atw_mcp.perception.colour_words import colour_word
+from atw_mcp.perception.known_scene import Sized
 from atw_mcp.results.modelling import ModelledVideo, StoppedModelling
-from atw_mcp.tools.known_objects import KnownObject, Sized, known_of
+from atw_mcp.tools.known_objects import KnownObject, known_of
 from atw_mcp.tools.measurement import LengthArgument, PointArgument
 from atw_mcp.tools.opening import open_case
 from atw_mcp.tools.world_arguments import Argument, Patience, PlaneArgument, Point
@@ -166,8 +167,8 @@ def _opened(app: App, video: str | None, name: str | None) -> Case:
 
 def _looked_for(known: Sequence[Known], items: Sequence[KnownObject]) -> list[dict[str, Any]] | None:
     """Return what ObserveObjects can look for; None where a colour or a size is not given."""
-    words = [colour_word(k.color or k.name) for k in known]
-    if None in words or not all(isinstance(k.shape, Sized) for k in known):
+    shown = [k.pixel is not None or colour_word(k.color or k.name) is not None for k in known]
+    if not all(shown) or not all(isinstance(k.shape, Sized) for k in known):
         return None
     return [item.model_dump(include={"name", "shape", "color", "pixel", "frame"}, exclude_none=True) for item in items]
 

@@ -21,19 +21,22 @@ from atw_mcp.observation.observing import (
     image_observation,
     keep_image_observation,
     latest_camera,
+    motion_plane_of,
     video_file,
 )
 from atw_mcp.observation.shape_records import ShapeRecord, keep_shapes, latest_shapes, series_rows, shape_inputs
 from atw_mcp.perception.correction import correct
 from atw_mcp.perception.corrections import correction_of
-from atw_mcp.perception.known.observe import observe_known
+from atw_mcp.perception.known_bodies import observe_known
+from atw_mcp.perception.known_scene import KnownScene
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.shapes import Material, deforming, image_shapes
 from atw_mcp.results.observation import MeasuredShapes, ObservedObjects
-from atw_mcp.tools.known_objects import KnownObject, bodies_of, corners_of, known_of, known_places
-from atw_mcp.tools.world_arguments import Argument, CaseId, ObstacleArgument, Patience, Pixel, Point
+from atw_mcp.tools.known_objects import KnownObject, bodies_of, corners_of, known_of
+from atw_mcp.tools.world_arguments import Argument, CaseId, ObstacleArgument, Patience, Pixel, PlaneArgument, Point
 from evidence_store import Case
+from polyworld.world import MotionPlane
 
 Given = TypeVar("Given", bound=Argument)
 GROUP = ToolGroup("world construction")
@@ -59,25 +62,31 @@ class MaskArgument(Argument):
 
 
 class CorrectionArgument(Argument):
-    """One correction. outline: object, frame and box, positive, negative or mask say where a known object is, add: the
-    same for one that was missed; both are followed to all frames. place: object's centre is at position in frame.
-    exclude: in frame..last_frame nothing of object (or of any) is in box or mask, or object is nowhere. shadow: box or
-    mask is shadow in frame. rest: object does not move in frame..last_frame. merge: first, second are one; split:
-    object is another one called name from frame on; rename: object, name; drop: object is none."""
+    """One correction. outline: object, frame and one of outline, circle, box, centre, mask say where a known object is,
+    add: the same for one that was missed (centre needs a known shape); they are followed to all frames. An outline or
+    circle on one frame is the surest hint. place: object's centre is at position in frame. exclude: in
+    frame..last_frame nothing of object (or of any) is in box or mask, or object is nowhere. rest: object does not move
+    in frame..last_frame. merge: first, second are one; split: object is another one called name from frame on; rename:
+    object, name; drop: object is none."""
 
-    kind: Literal["outline", "add", "place", "exclude", "shadow", "rest", "merge", "split", "rename", "drop"] = Field(
+    kind: Literal["outline", "add", "place", "exclude", "rest", "merge", "split", "rename", "drop"] = Field(
         description="what kind of correction"
     )
     object: str | None = Field(default=None, max_length=64, description="the object concerned")
     frame: int | None = Field(default=None, ge=0, description="frame number")
     last_frame: int | None = Field(default=None, ge=0, description="exclude, rest: last frame for which it holds")
     position: Point | None = Field(default=None, description="place: x, y, z in the world [m]")
-    box: Annotated[list[float], Field(min_length=4, max_length=4)] | None = Field(
-        default=None, description="left, top, width, height [px]"
+    outline: list[Pixel] | None = Field(
+        default=None, min_length=3, max_length=200, description="its outline in that frame: pixels u, v in order"
     )
-    positive: list[Pixel] | None = Field(default=None, max_length=50, description="pixels u, v inside the object")
-    negative: list[Pixel] | None = Field(default=None, max_length=50, description="pixels u, v outside it")
-    mask: MaskArgument | None = Field(default=None, description="its mask in that frame")
+    circle: Annotated[list[float], Field(min_length=3, max_length=3)] | None = Field(
+        default=None, description="the circle around a round object: u, v, radius [px]"
+    )
+    box: Annotated[list[float], Field(min_length=4, max_length=4)] | None = Field(
+        default=None, description="box around it, or region: left, top, width, height [px]"
+    )
+    centre: Pixel | None = Field(default=None, description="u, v of its centre, to a third of its radius")
+    mask: MaskArgument | None = Field(default=None, description="its mask in that frame, or region")
     first: str | None = Field(default=None, max_length=64, description="merge: the name that stays")
     second: str | None = Field(default=None, max_length=64, description="merge: the name that goes")
     name: str | None = Field(default=None, max_length=64, description="split, rename: the new name")
@@ -104,8 +113,8 @@ def observe_objects(
         Field(
             min_length=1,
             max_length=64,
-            description="objects as of ModelVideo: nothing else is looked for. They need color and shape; their size "
-            "in the image is the camera's",
+            description="objects as of ModelVideo, moving on the floor or in motion_plane: nothing else is looked for. "
+            "They need shape, and color or pixel; their places in the world are measured with the camera",
         ),
     ] = None,
     obstacles: Annotated[
@@ -113,6 +122,10 @@ def observe_objects(
         Field(max_length=64, description="as of BuildWorld; known objects may be behind them"),
     ] = None,
     floor: Annotated[float, Field(description="z of the floor under known objects [m]")] = 0.0,
+    motion_plane: Annotated[
+        PlaneArgument | None,
+        Field(description="plane in which known objects move, where it is not the floor or a side view's"),
+    ] = None,
     max_objects: Annotated[int, Field(ge=1, le=200, description="most objects to follow")] = 20,
     min_area: Annotated[int | None, Field(ge=4, le=10_000_000, description="smallest region of an object [px]")] = None,
     stride: Annotated[int, Field(ge=1, le=100, description="look at every n-th frame")] = 1,
@@ -122,8 +135,9 @@ def observe_objects(
             min_length=1,
             max_length=50,
             description="what is wrong in the observation, as InspectFrames shows it. Outlines, places, regions and "
-            "rests are kept: no later correction alters them. Other arguments but observation do not matter",
-            examples=[[{"kind": "merge", "first": "red_ball", "second": "object_3"}]],
+            "rests are kept: objects that have one are followed again from all of theirs. Other arguments but "
+            "observation do not matter",
+            examples=[[{"kind": "outline", "object": "red_ball", "frame": 12, "circle": [204, 131, 9.5]}]],
         ),
     ] = None,
     deformable: Annotated[
@@ -164,7 +178,8 @@ def observe_objects(
         app.store.cases.add_observation(found.id, "objects", identifier)
         return observed_answer(found, identifier, seen)
     if known is not None:
-        return _known(app, found, path, _Scene(known, obstacles or [], floor), stride, patience_seconds)
+        plane = None if motion_plane is None else motion_plane.to_plane()
+        return _known(app, found, path, _Scene(known, obstacles or [], floor, plane), stride, patience_seconds)
     inputs = {
         "video": found.content,
         "expected": expected,
@@ -189,11 +204,12 @@ def observe_objects(
 
 @dataclass(frozen=True)
 class _Scene:
-    """Known facts of a scene: objects to look for, fixed solids, and z of the floor [m]."""
+    """Known facts of a scene: objects to look for, fixed solids, z of the floor [m], and the plane of motion."""
 
     known: list[dict[str, Any]]
     obstacles: list[dict[str, Any]]
     floor: float
+    plane: MotionPlane | None
 
 
 def _validated(name: str, kind: type[Given], items: list[dict[str, Any]]) -> list[Given]:
@@ -212,18 +228,15 @@ def _known(app: App, case: Case, path: Path, scene: _Scene, stride: int, patienc
     items = _validated("known", KnownObject, scene.known)
     obstacles = _validated("obstacles", ObstacleArgument, scene.obstacles)
     with explained():
-        bodies = bodies_of([known_of(app, case, item) for item in items], camera)
-        places = known_places(app, case, camera, scene.floor)
+        bodies, solids = bodies_of([known_of(app, case, item) for item in items])
         fixtures = corners_of([s for item in obstacles for s in item.to_statics(partial(mesh_of, app, case))])
+        about = KnownScene(camera, scene.plane or motion_plane_of(app, case, scene.floor), solids, fixtures)
 
     def look(progress: Progress) -> ImageObservation:
         return observe_known(
             path,
             bodies,
-            camera,
-            places,
-            floor=scene.floor,
-            fixtures=fixtures,
+            about,
             stride=stride,
             progress=lambda share, what: progress.report(share, 1.0, what),
             cancelled=progress.cancelled,
@@ -232,10 +245,7 @@ def _known(app: App, case: Case, path: Path, scene: _Scene, stride: int, patienc
     inputs = {
         "video": case.content,
         "known": [item.model_dump(exclude_none=True) for item in items],
-        "camera": camera.model_dump(mode="json"),
-        "places": places.tolist(),
-        "obstacles": [item.model_dump(exclude_none=True) for item in obstacles],
-        "floor": scene.floor,
+        "scene": about.to_dict(),
         "stride": stride,
     }
     return _observation(app, case, "observe_known", inputs, look, f"looking for {len(bodies)} bodies", patience)
@@ -361,7 +371,8 @@ def observed_answer(case: Case, identifier: str, seen: ImageObservation) -> Answ
     """Answer with an overview of an observation of the video."""
     overview = seen.summary()
     overview["video"].pop("path")
-    warned = f"; {len(seen.warnings)} warnings" if seen.warnings else ""
+    doubts = len(overview["warnings"])
+    warned = f"; {doubts} warnings" if doubts else ""
     changing = deforming(seen)
     hint = f"; {', '.join(item.object for item in changing)} may be deformable" if changing else ""
     check = f"InspectFrames(case={case.id!r})"

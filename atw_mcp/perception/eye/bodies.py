@@ -9,9 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
+from polyworld.world.geometry import plane_axes
 
 Floats = NDArray[np.float64]
+FLOOR = MotionPlane()
 CIRCLE = np.stack([np.cos(np.arange(64) * np.pi / 32), np.sin(np.arange(64) * np.pi / 32)], axis=1)
 
 
@@ -36,8 +39,8 @@ class Body(Protocol):
     farther out than the silhouette says [px] (lens, a size that is not quite right), and of the radius of rounded rims.
     """
 
-    name: str
-
+    @property
+    def name(self) -> str: ...
     @property
     def nuisance(self) -> tuple[float, float]: ...
     @property
@@ -56,22 +59,28 @@ class Body(Protocol):
 
 @dataclass(frozen=True)
 class Solid:
-    """A sphere, an upright box or an upright cylinder on the plane z = floor: pose (x, y, yaw, height) [m, rad].
+    """A sphere, box or cylinder on a plane of motion: pose (x, y, angle, height) in the plane's axes [m, rad].
 
-    half (3,): half extents along its own axes [m]; height is the rise of its lowest point above the plane, unknown only
-    with `rises`.
+    half (3,): half extents along its own axes [m]. On a plane that supports it, as a floor, it stands with its own z
+    along the normal; height is the rise of its lowest point, unknown only with `rises`. In an upright plane that does
+    not, as of a side view, its centre is in the plane and its own z along the plane's y.
     """
 
     name: str
     kind: Literal["sphere", "box", "cylinder"]
     half: tuple[float, float, float]
     camera: Camera
-    floor: float = 0.0
+    plane: MotionPlane = FLOOR
     rises: bool = False
 
     @property
+    def upright(self) -> bool:
+        """Whether the plane is an upright one in which bodies rotate as a side view shows."""
+        return not (self.plane.supports or abs(plane_axes(self.plane)[2, 2]) > 0.7)
+
+    @property
     def free(self) -> NDArray[np.bool_]:
-        return np.array([True, True, self.kind == "box", self.rises])
+        return np.array([True, True, len(self.angles()) > 1, self.rises])
 
     @property
     def nuisance(self) -> tuple[float, float]:
@@ -85,7 +94,8 @@ class Solid:
 
     def middle(self, pose: Floats) -> Floats:
         """Centre (3,) in the world [m]."""
-        return np.array([pose[0], pose[1], self.floor + self.half[2] + pose[3]])
+        above = (self.half[2] if self.plane.supports else 0.0) + pose[3]
+        return np.asarray(np.asarray(self.plane.point) + np.array([pose[0], pose[1], above]) @ plane_axes(self.plane))
 
     def _surface(self, pose: Floats) -> Floats:
         """Points (V, 3) in the world whose projection's hull is the silhouette."""
@@ -101,10 +111,12 @@ class Solid:
                 middle + axis * radius**2 / distance + radius * np.sqrt(1 - (radius / distance) ** 2) * ring
             )
         flat = CIRCLE if self.kind == "cylinder" else np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
-        flat = flat * self.half[:2]
+        own = np.concatenate([np.c_[flat, np.full(len(flat), z)] for z in (-1.0, 1.0)]) * self.half
+        if self.upright:  # own y points away along the normal
+            own = own[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
         cosine, sine = np.cos(pose[2]), np.sin(pose[2])
-        flat = flat @ np.array([[cosine, sine], [-sine, cosine]])
-        return np.concatenate([np.c_[flat, np.full(len(flat), z)] for z in (-self.half[2], self.half[2])]) + middle
+        turned = own @ np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        return np.asarray(middle + turned @ plane_axes(self.plane))
 
     def polygon(self, pose: Floats) -> Floats:
         """Silhouette (V, 2) [px]."""
@@ -118,12 +130,13 @@ class Solid:
         small = 1e-4
         moved = [(self.camera.project(self._surface(pose + small * e)) - points)[used] / small for e in np.eye(4)]
         found = _sampled(points[used], np.stack(moved), most)
-        if self.kind == "sphere":
+        if self.kind == "sphere" or self.upright:
             return found
         # A rim rounded by r lies r (|w_xy| + w_z - 1) farther in than a sharp one, w the normal of the tangent plane
         # through the camera. Of lower rims a dark gap is left, which is seen as the body's.
         lines = np.c_[found.normals, -(found.normals * found.points).sum(axis=1)]
         across = lines @ np.asarray(self.camera.intrinsics) @ np.asarray(self.camera.rotation)
+        across = across @ plane_axes(self.plane).T
         across /= np.linalg.norm(across, axis=1, keepdims=True)
         inset = np.where(across[:, 2] > 0, np.hypot(across[:, 0], across[:, 1]) + across[:, 2] - 1, 0.0)
         return replace(found, nuisances=np.c_[np.ones(len(inset)), -inset * self.radius(pose)])
@@ -142,17 +155,19 @@ class Solid:
 
     def placed(self, pixel: Floats, like: Floats) -> Floats:
         """Pose whose centre is seen at a pixel (2,), angle and height those of `like`."""
-        level = np.array([0.0, 0.0, self.middle(like)[2]])
-        place = self.camera.onto_plane(pixel, level, np.array([0.0, 0.0, 1.0]))
-        return np.array([place[0], place[1], like[2], like[3]])
+        axes = plane_axes(self.plane)
+        place = self.camera.onto_plane(pixel, self.middle(like), axes[2]) - np.asarray(self.plane.point)
+        return np.array([place @ axes[0], place @ axes[1], like[2], like[3]])
 
     def local(self, pose: Floats, points: Floats) -> Floats:
         """Places (..., 2) on the body, its silhouette about within -1..1: light and view do not rotate with it."""
         return np.asarray((points - self.centre(pose)) / (1.5 * self.radius(pose)))
 
     def angles(self) -> list[float]:
-        """Angles from which a search begins."""
-        return [0.0, np.pi / 8, np.pi / 4, 3 * np.pi / 8] if self.kind == "box" else [0.0]
+        """Angles from which a search begins; one where the silhouette does not show it."""
+        if self.kind == "box":
+            return [0.0, np.pi / 8, np.pi / 4, 3 * np.pi / 8]
+        return [0.0, np.pi / 4, np.pi / 2, 3 * np.pi / 4] if self.kind == "cylinder" and self.upright else [0.0]
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,7 @@ def follow(scene: Scene, seeds: list[dict[int, Floats]]) -> list[States]:
     near: list[dict[int, int]] = [dict.fromkeys(own, 0) for own in seeds]
     for step in (1, -1):
         for k in range(scene.film.count)[::step]:
+            scene.tick()
             active = [w for w in walkers if w.step == step and (k - w.seed) * step > 0 and (w.end - k) * step > 0]
             for walker, state in zip(active, _assigned(scene, active, k), strict=True):
                 walker.advance(scene, state)
@@ -125,6 +126,7 @@ def refit(scene: Scene, seeds: list[dict[int, Floats]]) -> list[States]:
     """
     found: list[States] = [{} for _ in scene.bodies]
     for k in range(scene.film.count):
+        scene.tick()
         seen = [i for i in range(len(scene.bodies)) if np.isfinite(scene.poses[i, k, 0])]
         hidden = [i for i in range(len(scene.bodies)) if i not in seen]
         for i in sorted(seen, key=lambda i: scene.bodies[i].depth(scene.poses[i, k])) + hidden:

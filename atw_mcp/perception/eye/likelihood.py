@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import cv2
@@ -10,7 +11,17 @@ from numpy.typing import NDArray
 
 from atw_mcp.perception.eye.bodies import Body
 from atw_mcp.perception.eye.colours import Colours, learn_colours
-from atw_mcp.perception.eye.pixels import Array, Background, Film, Floats, Mask, filled
+from atw_mcp.perception.eye.pixels import (
+    Array,
+    Background,
+    Bytes,
+    Film,
+    Floats,
+    Mask,
+    filled,
+    learn_background,
+    sampled,
+)
 from atw_mcp.perception.eye.settings import EyeSettings
 from atw_mcp.perception.eye.shade import Shade, learn_shade, shade_places
 
@@ -19,13 +30,16 @@ from atw_mcp.perception.eye.shade import Shade, learn_shade, shade_places
 class Scene:
     """A film, its bodies, their poses (N, T, 4), NaN where a body is not seen, and what has been learned of pixels.
 
-    usual (N,): contrast of each body's pixels where it is seen [nats].
+    usual (N,): contrast of each body's pixels where it is seen [nats]; hiding (H, W): depth of what never moves and
+    may hide bodies, infinite where nothing does; tick: called once a frame.
     """
 
     film: Film
     bodies: list[Body]
     settings: EyeSettings
     background: Background
+    hiding: Array | None = None
+    tick: Callable[[], None] = lambda: None
     poses: Floats = field(init=False)
     colours: list[Colours | None] = field(init=False)
     shades: list[Shade | None] = field(init=False)
@@ -70,6 +84,14 @@ class Scene:
             found[stronger] = value[stronger]
         return found
 
+    def unlike_background(self, frame: int) -> Array:
+        """Log odds (H, W) that pixels of a frame are nothing that is known and not background, lit or shaded."""
+        u, v = np.meshgrid(np.arange(self.film.width), np.arange(self.film.height))
+        points = np.stack([u.ravel(), v.ravel()], axis=1).astype(float)
+        behind = self.log_background(frame, points, self.film.at(frame, points))
+        odds = np.log(self.settings.unknown) + np.log(2.0) - behind
+        return np.asarray(odds.reshape(u.shape), dtype=np.float32)
+
     def log_body(self, body: int, values: Array, points: Floats, pose: Floats | None) -> Array:
         """Log density (M,) of features (M, 3) at points (M, 2) as a body's own, by place on it, or anywhere."""
         colours = self.colours[body]
@@ -91,6 +113,8 @@ class Scene:
         behind = self.log_background(frame, points, values, (body, np.full(4, np.nan) if anywhere else pose))
         free = self.film.inside(points)
         depth = self.bodies[body].depth(pose)
+        if self.hiding is not None:
+            free &= sampled(self.hiding, points.round())[:, 0] > depth
         for other_depth, other in self._others(body, frame, points):
             there = self.poses[other, frame]
             inside = self._covers(other, there, points, 0.0 if other_depth > depth else 1.0)
@@ -183,6 +207,8 @@ class Scene:
             if other_depth < depth:
                 keep &= ~self._covers(other, self.poses[other, frame], points, self.settings.edge_band)
         points = points[keep]
+        if len(points) and self.hiding is not None:
+            points = points[sampled(self.hiding, points)[:, 0] > depth]
         if not len(points):
             return np.zeros((0, 3), np.float32), np.zeros((0, 2))
         values = self.film.at(frame, points)
@@ -237,6 +263,12 @@ class Scene:
                         grown = cv2.dilate(mask.astype(np.uint8), _disc(margin)) > 0
                         found[row, corner[1] : corner[1] + size[1], corner[0] : corner[0] + size[0]] |= grown
         return found
+
+
+def background_scene(frames: Bytes, covered: Callable[[int], Mask], settings: EyeSettings) -> Scene:
+    """Scene without bodies. covered: returns the pixels (H, W) of a frame that are not the background's."""
+    film = Film(frames, settings)
+    return Scene(film, [], settings, learn_background(film, np.stack([covered(int(k)) for k in film.chosen()])))
 
 
 def _gauss(apart: Array, spread: Array) -> Array:

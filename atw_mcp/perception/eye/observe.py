@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -15,8 +15,8 @@ from atw_mcp.perception.eye.bodies import Body
 from atw_mcp.perception.eye.colours import Colours, learn_colours
 from atw_mcp.perception.eye.follow import States, follow, refit, seeded
 from atw_mcp.perception.eye.likelihood import Scene
-from atw_mcp.perception.eye.pixels import Film, Floats, features, filled, learn_background
-from atw_mcp.perception.eye.seeds import GREYS, Seed, seed_pose, word_map, word_places
+from atw_mcp.perception.eye.pixels import Array, Film, Floats, features, filled, learn_background
+from atw_mcp.perception.eye.seeds import GREYS, Seed, hidden_places, seed_pose, word_map, word_places
 from atw_mcp.perception.eye.settings import EyeSettings
 from atw_mcp.perception.eye.silhouette import centre_error
 
@@ -25,13 +25,15 @@ from atw_mcp.perception.eye.silhouette import centre_error
 class Track:
     """A body over the clip.
 
-    poses (T, 4): NaN where it is not seen; centres (T, 2) [px]; errors (T,): standard deviations of the centres [px],
-    large where the pixels do not decide; confidence (T,): probability that the body is there, within half its radius;
-    breaks: frames whose motion does not continue that before.
+    poses (T, 4): NaN where it is not seen; covariances (T, 4, 4) of what the contour shows of them; centres (T, 2)
+    [px]; errors (T,): standard deviations of the centres [px], large where the pixels do not decide; confidence (T,):
+    probability that the body is there, within half its radius; breaks: frames whose motion does not continue that
+    before.
     """
 
     body: Body
     poses: Floats
+    covariances: Floats
     centres: Floats
     errors: Floats
     confidence: Floats
@@ -43,11 +45,18 @@ def observe(
     bodies: Sequence[Body],
     seeds: Sequence[Seed],
     settings: EyeSettings | None = None,
+    *,
+    hiding: Array | None = None,
+    tick: Callable[[], None] | None = None,
 ) -> tuple[list[Track], Scene]:
-    """Tracks of bodies over frames (T, H, W, 3) of BGR bytes, and the scene that was learned. Raises ValueError."""
+    """Tracks of bodies over frames (T, H, W, 3) of BGR bytes, and the scene that was learned. Raises ValueError.
+
+    hiding (H, W): depth of what never moves and may hide bodies; tick: called once a frame, and may raise to stop.
+    """
     settings = settings or EyeSettings()
     film = Film(frames, settings)
-    scene = Scene(film, list(bodies), settings, learn_background(film, _none(film)))
+    scene = Scene(film, list(bodies), settings, learn_background(film, _none(film)), hiding)
+    scene.tick = tick or scene.tick
     held = _held(scene, seeds)
     for i, own in enumerate(held):
         for k, pose in own.items():
@@ -158,8 +167,9 @@ def _groups(scene: Scene, seeds: Sequence[Seed], held: list[dict[int, Floats]]) 
     brightness, found = scene.background.feature[..., 0], []
     for word, bodies in sorted(words.items(), key=lambda g: g[0] in GREYS):
         shape = scene.bodies[bodies[0]]
+        hidden = None if scene.hiding is None else hidden_places(shape, scene.hiding)
         maps = (word_map(frame, word, brightness) for frame in scene.film.frames)
-        found.append(_Group(bodies, [word_places(m, shape, len(bodies) + (word in GREYS)) for m in maps]))
+        found.append(_Group(bodies, [word_places(m, shape, len(bodies) + (word in GREYS), hidden) for m in maps]))
     return found
 
 
@@ -221,18 +231,22 @@ def _learn(scene: Scene) -> None:
 def _track(scene: Scene, body: int, states: States, seeds: dict[int, Floats]) -> Track:
     s, shape, count = scene.settings, scene.bodies[body], scene.film.count
     poses, centres = np.full((count, 4), np.nan), np.full((count, 2), np.nan)
+    covariances = np.full((count, 4, 4), np.nan)
     errors, confidence = np.full(count, np.inf), np.zeros(count)
     usual = float(np.median([state.fit.decided for state in states.values()])) if states else 0.0
     for k, state in states.items():
         poses[k], centres[k] = state.fit.pose, shape.centre(state.fit.pose)
+        covariances[k] = state.fit.covariance
         errors[k] = centre_error(scene, body, state.fit)
         size = shape.radius(state.fit.pose)
-        seen = (1 - np.exp(-state.contrast / s.present)) * min(1.0, state.fit.decided / max(s.weak * usual, 1e-9))
+        seen = (1 - np.exp(-max(state.contrast, 0.0) / s.present)) * min(
+            1.0, state.fit.decided / max(s.weak * usual, 1e-9)
+        )
         confidence[k] = seen * np.exp(-((2 * errors[k] / size) ** 2))
     breaks, tied = _continuity(scene, shape, centres, poses, seeds)
     confidence[~tied] *= 0.5
     confidence[_outliers(shape, centres, poses, errors)] *= 0.5
-    return Track(shape, poses, centres, errors, confidence, breaks)
+    return Track(shape, poses, covariances, centres, errors, confidence, breaks)
 
 
 def _continuity(

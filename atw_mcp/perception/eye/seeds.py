@@ -86,25 +86,32 @@ GREYS = ("gray", "grey", "white", "black")
 
 
 def word_map(frame: NDArray[np.uint8], word: str, background: Array) -> Array:
-    """Evidence (H, W) [nats] that pixels of a frame have a colour; grey bodies differ from the background (H, W) in
-    log brightness. Raises ValueError for a word that is no colour."""
+    """Evidence (H, W) [nats] that pixels of a frame have a colour and are not the background, less of those that have
+    its log brightness (H, W); grey bodies always differ from it. Raises ValueError for a word that is no colour."""
     hsv = cv2.cvtColor(cv2.GaussianBlur(frame, (3, 3), 0), cv2.COLOR_BGR2HSV).astype(np.int16)
     hue, saturation, value = hsv[..., 0], hsv[..., 1], hsv[..., 2]
+    differs = np.abs(np.log(frame.astype(np.float32) + 12).mean(axis=-1) - background) > 0.1
     if word in GREYS:
-        brightness = np.log(frame.astype(np.float32) + 12).mean(axis=-1)
-        fits = (saturation < 45) & (np.abs(brightness - background) > 0.1)
+        fits = (saturation < 45) & differs
         return np.where(fits, 1.5, -1.0).astype(np.float32)
     if word not in HUES:
         raise ValueError(f"no colour is called {word!r}: {', '.join([*HUES, *GREYS])}")
     wrapped = np.where(hue > 172, hue - 180, hue)
     fits = np.any([(wrapped >= low) & (wrapped <= high) for low, high in HUES[word]], axis=0)
-    return np.where(fits & (saturation > 75) & (value > 25), 2.0, -0.7).astype(np.float32)
+    fits &= (saturation > 75) & (value > 25)
+    return np.where(fits, np.where(differs, 2.0, 0.6), -0.7).astype(np.float32)
 
 
-def word_places(evidence: Array, body: Body, count: int) -> list[tuple[float, Floats]]:
-    """Poses of largest mean evidence in a box of a body's size, at most `count`, with that mean."""
+def word_places(
+    evidence: Array, body: Body, count: int, hidden: NDArray[np.bool_] | None = None
+) -> list[tuple[float, Floats]]:
+    """Poses of largest mean evidence in a box of a body's size, at most `count`, with that mean.
+
+    hidden (H, W): pixels that cannot show it; the mean is then between that of the others and that of all.
+    """
     height, width = evidence.shape
-    total = cv2.integral(evidence)
+    shown = np.ones_like(evidence) if hidden is None else (~hidden).astype(np.float32)
+    total, counted = cv2.integral(evidence * shown), cv2.integral(shown)
     v, u = np.mgrid[0:height:4, 0:width:4]
     places = np.stack([u.ravel(), v.ravel()], axis=1).astype(float)
     radius = _radii(body, places)
@@ -114,8 +121,12 @@ def word_places(evidence: Array, body: Body, count: int) -> list[tuple[float, Fl
         np.clip(np.nan_to_num(low).round(), 0, size).astype(int),
         np.clip(np.nan_to_num(high).round(), 0, size).astype(int),
     )
-    sums = total[b[:, 1], b[:, 0]] - total[a[:, 1], b[:, 0]] - total[b[:, 1], a[:, 0]] + total[a[:, 1], a[:, 0]]
-    means = np.where(radius > 1.5, sums / np.maximum(4 * radius**2, 1.0), -np.inf)
+    sums, area = (
+        t[b[:, 1], b[:, 0]] - t[a[:, 1], b[:, 0]] - t[b[:, 1], a[:, 0]] + t[a[:, 1], a[:, 0]] for t in (total, counted)
+    )
+    box = np.maximum(4 * radius**2, 1.0)
+    area = box if hidden is None else np.sqrt(np.maximum(area, 1.0) * box)
+    means = np.where(radius > 1.5, sums / area, -np.inf)
     found: list[tuple[float, Floats]] = []
     for _ in range(count):
         best = int(np.argmax(means))
@@ -124,6 +135,14 @@ def word_places(evidence: Array, body: Body, count: int) -> list[tuple[float, Fl
         found.append((float(means[best]), body.placed(places[best], np.zeros(4))))
         means[np.hypot(*(places - places[best]).T) < 2.2 * radius[best]] = -np.inf
     return found
+
+
+def hidden_places(body: Body, hiding: Array) -> NDArray[np.bool_]:
+    """Pixels (H, W) at which a body's centre would lie behind what is at depths (H, W)."""
+    height, width = hiding.shape
+    poses = [body.placed(np.array([width / 2, row]), np.zeros(4)) for row in range(height)]
+    depths = np.array([body.depth(pose) if np.isfinite(pose).all() else np.inf for pose in poses])
+    return np.asarray(hiding < depths[:, None])
 
 
 def _radii(body: Body, places: Floats) -> Floats:

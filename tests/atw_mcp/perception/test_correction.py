@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
 import numpy as np
 import pytest
 
+from atw_mcp.perception.calibration import calibrate_given
 from atw_mcp.perception.correction import correct
-from atw_mcp.perception.corrections import Correction, Drop, Merge, Outline, Rename, Split, correction_of
+from atw_mcp.perception.corrections import (
+    Correction,
+    Drop,
+    Exclude,
+    Merge,
+    Outline,
+    Place,
+    Rename,
+    Split,
+    Stay,
+    correction_of,
+)
 from atw_mcp.perception.masks import RunLengthMask
 from atw_mcp.perception.observation import ImageObservation, ObservationError
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.video import VideoError
-from tests.atw_mcp.perception.clips import Clip, Disc, overlap, render
+from tests.atw_mcp.perception.clips import Clip, Disc, overlap, plain, render
 
 RED, BLUE = (40, 40, 170), (170, 70, 40)
 
@@ -35,46 +52,208 @@ def followed(observation: ImageObservation, clip: Clip, name: str, k: int) -> np
     return np.array([overlap(observation.mask(name, t), truth[t]) for t in range(len(truth)) if truth[t].sum() > 150])
 
 
-@pytest.mark.parametrize("way", ["box", "point", "mask"])
+@pytest.fixture(scope="module")
+def crossing(tmp_path_factory: pytest.TempPathFactory) -> tuple[Clip, ImageObservation]:
+    """Blue passes behind red, with shadows; nothing of either is known."""
+    discs = [Disc(lambda t: (40 + 5.0 * t, 70), 14, BLUE), Disc(lambda t: (150 - 1.0 * t, 84), 17, RED)]
+    clip = render(tmp_path_factory.mktemp("constraints") / "a.mp4", discs, 30, shadows=True)
+    seen = observe(clip.path)
+    return clip, correct(seen, clip.path, [Drop(name) for name in seen.names])
+
+
+def blue(t: int, *, add: bool = True) -> Outline:
+    return Outline("blue", t, circle=(40 + 5.0 * t, 70, 14), add=add)
+
+
+def red(t: int, *, add: bool = True) -> Outline:
+    return Outline("red", t, circle=(150 - 1.0 * t, 84, 17), add=add)
+
+
+@pytest.mark.parametrize("way", ["box", "circle", "outline", "mask"])
 def test_object_added_in_one_frame_is_followed_through_all(scene: tuple[Clip, ImageObservation], way: str) -> None:
     clip, observation = scene
     x, y = 40 + 5.0 * 4, 80.0
+    corners = [(x + 15 * np.cos(a), y + 15 * np.sin(a)) for a in np.linspace(0, 2 * np.pi, 13)[:-1]]
     hint = {
         "box": Outline("found", 4, box=(x - 18, y - 18, 36, 36), add=True),
-        "point": Outline("found", 4, positive=((x, y), (x + 6, y)), add=True),
+        "circle": Outline("found", 4, circle=(x + 1, y - 1, 15), add=True),
+        "outline": Outline("found", 4, outline=tuple(corners), add=True),
         "mask": Outline("found", 4, mask=RunLengthMask.encode(clip.truth[0][4]), add=True),
     }[way]
     corrected = correct(observation, clip.path, [Drop("blue_ball"), hint])
     assert set(corrected.names) == {"red_ball", "found"}
-    values = followed(corrected, clip, "found", 0)
+    clear = [t for t in range(34) if clip.truth[0][t].sum() > 650]
+    values = np.array([overlap(corrected.mask("found", t), clip.truth[0][t]) for t in clear])
     assert values.mean() > 0.9
-    assert values.min() > 0.6
+    assert values.min() > 0.8
+    off = [np.linalg.norm(corrected.object("found").centroid[t] - [40 + 5.0 * t, 80]) for t in clear]
+    assert np.median(off) < 0.7
     assert corrected.object("found").colour.name == "blue"
-    assert followed(corrected, clip, "red_ball", 1).min() > 0.85
 
 
-def test_wrong_mask_is_repaired_by_a_box_where_it_was_wrong(scene: tuple[Clip, ImageObservation]) -> None:
+def test_centre_moves_a_found_object_where_it_was_wrong(scene: tuple[Clip, ImageObservation]) -> None:
     clip, observation = scene
-    # Spoil the blue ball between frames 5 and 9: all masks moved far off.
-    wrong = Outline("blue_ball", 7, mask=RunLengthMask.encode(np.roll(clip.truth[0][7], -50, axis=0)))
-    spoilt = correct(observation, clip.path, [wrong])
-    assert overlap(spoilt.mask("blue_ball", 7), clip.truth[0][7]) < 0.1
-    x, y = 40 + 5.0 * 7, 80.0
-    repaired = correct(spoilt, clip.path, [Outline("blue_ball", 7, box=(x - 18, y - 18, 36, 36))])
-    assert followed(repaired, clip, "blue_ball", 0).mean() > 0.9
+    gone = correct(observation, clip.path, [Exclude(5, 9, "blue_ball")])
+    assert not gone.mask("blue_ball", 7).any()
+    found = replace(gone, constraints=())  # as if it had not been found there
+    repaired = correct(found, clip.path, [Outline("blue_ball", 7, centre=(40 + 5.0 * 7, 80.0))])
+    assert followed(repaired, clip, "blue_ball", 0)[:12].mean() > 0.9
     assert overlap(repaired.mask("blue_ball", 7), clip.truth[0][7]) > 0.9
 
 
-def test_negative_point_takes_a_part_away(scene: tuple[Clip, ImageObservation]) -> None:
-    clip, observation = scene
-    both = RunLengthMask.encode(clip.truth[0][14] | clip.truth[1][14])
-    x0, y0 = 40 + 5.0 * 14, 80.0
-    x1, y1 = 150 - 14.0, 90.0
-    points = Outline(
-        "blue_ball", 14, mask=both, positive=((x0 - 5, y0),), negative=((x1, y1), (x1 + 8, y1), (x1, y1 + 10))
+def equal(a: ImageObservation, b: ImageObservation, name: str) -> bool:
+    return all(np.array_equal(a.mask(name, t), b.mask(name, t)) for t in a.frames)
+
+
+def scored(seen: ImageObservation, clip: Clip, name: str, k: int) -> np.ndarray:
+    return np.array([overlap(seen.mask(name, t), m) for t, m in enumerate(clip.truth[k]) if m.sum() > 60])
+
+
+def test_seeds_follow_both_bodies_through_their_crossing(crossing: tuple[Clip, ImageObservation]) -> None:
+    clip, nothing = crossing
+    seen = correct(nothing, clip.path, [blue(3), red(25)])
+    for name, start, step in (("blue", (40.0, 70.0), 5.0), ("red", (150.0, 84.0), -1.0)):
+        own = seen.object(name)
+        truth = np.stack([start[0] + step * np.arange(30), np.full(30, start[1])], axis=1)
+        off = np.linalg.norm(own.centroid - truth, axis=1)
+        whole = [t for t in range(30) if own.status[t] == "visible"]
+        assert np.nanmedian(off[whole]) < 0.5
+        assert not (off[whole] > 7.0).any()
+    assert scored(seen, clip, "red", 1).mean() > 0.9
+
+
+def test_masks_in_seeded_frames_outlive_all_later_corrections(crossing: tuple[Clip, ImageObservation]) -> None:
+    clip, nothing = crossing
+    # Deliberately wrong by a few pixels, so that nothing would find it again by itself.
+    given = np.roll(clip.truth[0][4], 4, axis=1)
+    first = correct(nothing, clip.path, [Outline("blue", 4, mask=RunLengthMask.encode(given), add=True)])
+    assert np.array_equal(first.mask("blue", 4), given)
+    second = correct(first, clip.path, [blue(20, add=False), red(25)])
+    of_twenty = second.mask("blue", 20)
+    third = correct(second, clip.path, [red(5, add=False), red(4, add=False), Stay("red", 0, 1)])
+    last = correct(third, clip.path, [Rename("blue", "puck"), Exclude(10, 12, box=(0, 120, 40, 40))])
+    assert np.array_equal(last.mask("puck", 4), given)
+    assert np.array_equal(last.mask("puck", 20), of_twenty)
+    back = ImageObservation.from_dict(last.to_dict())
+    assert back.constraints == last.constraints
+    assert {c.frame for c in back.constraints if hasattr(c, "frame") and c.object == "puck"} == {4, 20}
+
+
+def test_order_of_corrections_does_not_matter(crossing: tuple[Clip, ImageObservation]) -> None:
+    clip, nothing = crossing
+    said: list[Correction] = [
+        blue(3),
+        red(25),
+        blue(27, add=False),
+        Exclude(14, 16, box=(0, 0, 30, 30)),
+    ]
+    results = [
+        correct(nothing, clip.path, list(order)) for order in itertools.islice(itertools.permutations(said), 0, 24, 11)
+    ]
+    step_by_step = nothing
+    for one in said:
+        step_by_step = correct(step_by_step, clip.path, [one])
+    for other in [*results[1:], step_by_step]:
+        assert equal(results[0], other, "blue")
+        assert equal(results[0], other, "red")
+        assert results[0].constraints == other.constraints
+
+
+def test_two_seeds_of_an_object_are_met_from_both_sides(tmp_path: Path) -> None:
+    """A body that jumps, as no motion does, is followed from each seed on its side of the jump."""
+    clip = render(tmp_path / "jump.mp4", [Disc(lambda t: (40 + t, 40) if t < 14 else (190 - t, 125), 14, BLUE)], 28)
+    seen = observe(clip.path)
+    nothing = correct(seen, clip.path, [Drop(name) for name in seen.names])
+    seeded = correct(
+        nothing,
+        clip.path,
+        [Outline("blue", 4, circle=(44, 40, 14), add=True), Outline("blue", 22, circle=(168, 125, 14))],
     )
-    corrected = correct(observation, clip.path, [points])
-    assert overlap(corrected.mask("blue_ball", 14), clip.truth[0][14]) > 0.8
+    values = scored(seeded, clip, "blue", 0)
+    assert (values > 0.8).sum() >= 26
+
+
+def test_excluded_region_holds_nothing(crossing: tuple[Clip, ImageObservation]) -> None:
+    clip, nothing = crossing
+    seen = correct(nothing, clip.path, [blue(3), red(25)])
+    x, y, w, h = 40 + 5.0 * 8 - 14, 70.0 - 14, 28.0, 28.0
+    barred = correct(seen, clip.path, [Exclude(7, 9, "blue", box=(x - 8, y - 8, w + 16, h + 16))])
+    for t in (7, 8, 9):
+        assert not barred.mask("blue", t)[round(y) : round(y + h), round(x) : round(x + w)].any()
+    assert scored(barred, clip, "red", 1).mean() > 0.9
+    assert overlap(barred.mask("blue", 25), clip.truth[0][25]) > 0.85
+    gone = correct(seen, clip.path, [Exclude(20, 29, "blue")])
+    assert all(not gone.mask("blue", t).any() for t in range(20, 30))
+    assert np.array_equal(gone.mask("blue", 3), seen.mask("blue", 3))
+
+
+def test_contradictory_statements_are_refused(crossing: tuple[Clip, ImageObservation]) -> None:
+    clip, nothing = crossing
+    with pytest.raises(ObservationError, match="blue was given in frame 3 where it, or anything, was said not to be"):
+        correct(correct(nothing, clip.path, [blue(3)]), clip.path, [Exclude(0, 9, box=(0, 0, 240, 160))])
+    with pytest.raises(ObservationError, match="two seeds of blue in frame 3"):
+        correct(nothing, clip.path, [blue(3), blue(3, add=False)])
+    with pytest.raises(ObservationError, match="needs a camera"):
+        correct(nothing, clip.path, [blue(3), Place("blue", 8, (0.0, 0.0, 0.0))])
+    found = ImageObservation(nothing.video, nothing.frames, correct(nothing, clip.path, [blue(3)]).objects)
+    gone = correct(found, clip.path, [Split("blue", 8, "later"), Drop("later")])
+    with pytest.raises(ObservationError, match=r"seen in none of frames 9\.\.12"):
+        correct(gone, clip.path, [Stay("blue", 9, 12)])
+
+
+def test_objects_that_were_found_keep_off_what_a_seed_owns(scene: tuple[Clip, ImageObservation]) -> None:
+    clip, observation = scene
+    seeded = correct(observation, clip.path, [Outline("mine", 4, circle=(60, 80, 15), add=True)])
+    assert set(seeded.names) == {"red_ball", "blue_ball", "mine"}
+    for t in seeded.frames:
+        for other in ("red_ball", "blue_ball"):
+            if other in seeded.names:
+                assert not (seeded.mask("mine", t) & seeded.mask(other, t)).any()
+
+
+def test_small_remains_are_not_said_to_be_in_full_view(tmp_path: Path) -> None:
+    """A body that fades into the background: what is left of its mask is never called visible with confidence."""
+    fading = [Disc(lambda t: (60 + 2.0 * t, 80), 16, BLUE)]
+    clip = render(tmp_path / "f.mp4", fading, 12)
+    frames = clip.frames.copy()
+    ground = plain()
+    frames = np.concatenate([frames, np.repeat(ground.astype(np.uint8)[None], 12, axis=0)])
+    path = _written(tmp_path / "gone.mp4", frames)
+    seen = observe(path)
+    nothing = correct(seen, path, [Drop(name) for name in seen.names])
+    seeded = correct(nothing, path, [Outline("blue", 5, circle=(70, 80, 16), add=True)]).object("blue")
+    area = seeded.area[5]
+    for t in range(24):
+        if seeded.area[t] < 0.3 * area:
+            assert seeded.confidence[t] < 0.5
+            assert seeded.status[t] != "visible"
+    assert seeded.area[12:].max() < 0.3 * area
+
+
+def _written(path: Path, frames: np.ndarray) -> Path:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (frames.shape[2], frames.shape[1]))
+    for frame in frames:
+        writer.write(frame)
+    writer.release()
+    return path
+
+
+def test_place_in_the_world_moves_the_mask_there(crossing: tuple[Clip, ImageObservation]) -> None:
+    """A camera that looks straight down from 1 m: a place is seen where the pinhole model says."""
+    clip, nothing = crossing
+    camera = calibrate_given(
+        [[200.0, 0.0, 120.0], [0.0, 200.0, 80.0], [0.0, 0.0, 1.0]],
+        [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]],
+        [0.0, 0.0, 1.0],
+        (240, 160),
+    ).camera
+    seen = correct(nothing, clip.path, [blue(3)])
+    u, v = 40 + 5.0 * 26, 70.0
+    position = ((u - 120.0) / 200.0, -(v - 80.0) / 200.0, 0.0)
+    placed = correct(seen, clip.path, [Place("blue", 26, position)], camera=camera)
+    assert placed.object("blue").centroid[26] == pytest.approx([u, v], abs=1.0)
+    assert overlap(placed.mask("blue", 26), clip.truth[0][26]) > 0.85
+    assert [c.position for c in placed.constraints if getattr(c, "frame", None) == 26] == [position]
 
 
 def test_split_and_merge_undo_each_other(scene: tuple[Clip, ImageObservation]) -> None:
@@ -105,9 +284,12 @@ def test_rename_and_drop_change_nothing_else(scene: tuple[Clip, ImageObservation
         (Merge("red_ball", "red_ball"), "two different"),
         (Split("red_ball", 0, "x"), r"1\.\.33"),
         (Outline("red_ball", 34, box=(1, 1, 9, 9)), r"0\.\.33"),
-        (Outline("red_ball", 3), "needs a box"),
+        (Outline("red_ball", 3), "give one of outline, circle, box, centre, mask, not none"),
+        (Outline("red_ball", 3, box=(1, 1, 9, 9), centre=(4, 4)), "not box, centre"),
+        (Outline("new", 3, centre=(4, 4), add=True), "its shape is not known: give an outline, a circle"),
+        (Outline("red_ball", 3, outline=((1, 1), (5, 5))), "three points"),
         (Outline("red_ball", 3, box=(500, 1, 9, 9)), "outside the image of 240 x 160"),
-        (Outline("red_ball", 3, positive=((10, 500),)), "outside the image"),
+        (Outline("red_ball", 3, centre=(10, 500)), "outside the image"),
         (Outline("red_ball", 3, mask=RunLengthMask(2, 2, (0, 4))), "2 x 2"),
         (Outline("blue_ball", 3, box=(1, 1, 9, 9), add=True), "taken"),
     ],
@@ -131,8 +313,10 @@ def test_corrections_need_the_video_they_are_about(scene: tuple[Clip, ImageObser
 
 def test_corrections_are_read_from_json() -> None:
     assert correction_of({"kind": "merge", "first": "a", "second": "b"}) == Merge("a", "b")
-    read = correction_of({"kind": "add", "object": "a", "frame": 3, "box": [1, 2, 30, 40], "positive": [[5, 6]]})
-    assert read == Outline("a", 3, box=(1.0, 2.0, 30.0, 40.0), positive=((5.0, 6.0),), add=True)
+    read = correction_of({"kind": "add", "object": "a", "frame": 3, "box": [1, 2, 30, 40]})
+    assert read == Outline("a", 3, box=(1.0, 2.0, 30.0, 40.0), add=True)
+    read = correction_of({"kind": "outline", "object": "a", "frame": 3, "outline": [[1, 2], [3, 4], [5, 9]]})
+    assert read == Outline("a", 3, outline=((1.0, 2.0), (3.0, 4.0), (5.0, 9.0)))
     with pytest.raises(ObservationError, match="kinds: "):
         correction_of({"kind": "erase", "object": "a"})
     with pytest.raises(ObservationError, match="fields are"):

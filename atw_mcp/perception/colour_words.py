@@ -1,0 +1,48 @@
+"""The colour that a description says, as one of the words that the eye searches for."""
+
+from __future__ import annotations
+
+import colorsys
+import re
+
+from matplotlib.colors import CSS4_COLORS, XKCD_COLORS, to_rgb
+
+from atw_mcp.perception.eye.seeds import GREYS, HUES
+
+GREY = 0.2  # saturation below which a colour is grey, black or white
+DARK, BRIGHT = 0.25, 0.85  # brightness below which a grey is black, above which it is white
+BROWN = 0.65  # brightness below which an orange is brown
+RED = 172  # OpenCV's hue from which on colours are red again
+
+
+def colour_word(text: str) -> str | None:
+    """Return the eye's word for the longest colour's name in a description; None where there is none.
+
+    Names are those of the XKCD colour survey (2010) and of CSS, as matplotlib has them.
+    """
+    words = re.findall(r"[a-z]+", text.lower())
+    for length in (3, 2, 1):
+        for first in range(len(words) - length, -1, -1):
+            found = _word(words[first : first + length])
+            if found is not None:
+                return found
+    return None
+
+
+def _word(words: list[str]) -> str | None:
+    name = " ".join(words)
+    if len(words) == 1 and (name in HUES or name in GREYS):
+        return name
+    code = XKCD_COLORS.get(f"xkcd:{name}") or CSS4_COLORS.get(name.replace(" ", ""))
+    if code is None:
+        return None
+    if words[-1] in HUES or words[-1] in GREYS:
+        return words[-1]
+    hue, saturation, value = colorsys.rgb_to_hsv(*to_rgb(code))
+    if saturation < GREY:
+        return "black" if value < DARK else "white" if value > BRIGHT else "grey"
+    turned = hue * 180 - (180 if hue * 180 > RED else 0)
+    fits = [word for word, spans in HUES.items() if any(low <= turned <= high for low, high in spans)]
+    if "brown" in fits and "orange" in fits:
+        return "brown" if value < BROWN else "orange"
+    return fits[0] if fits else "pink"

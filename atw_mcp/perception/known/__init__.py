@@ -1,1 +1,0 @@
-"""Observation of a video whose moving bodies are known: colour, apparent size and, perhaps, where they are seen."""

@@ -1,0 +1,110 @@
+"""Known facts of a scene: its camera, the plane of motion, solids that move and solids that may hide them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import TypeAdapter
+from scipy.spatial import ConvexHull
+
+from atw_mcp.perception.eye import Solid
+from atw_mcp.perception.eye.bodies import FLOOR
+from polyworld.world import MotionPlane
+from polyworld.world.camera import Camera
+from polyworld.world.shapes import Box, Cylinder, Sphere
+
+Floats = NDArray[np.float64]
+Sized = Sphere | Box | Cylinder
+Corners = tuple[tuple[float, float, float], ...]
+FAR = 1e6  # [m]
+_SIZED: TypeAdapter[Sized] = TypeAdapter(Sized)
+
+
+@dataclass(frozen=True)
+class KnownScene:
+    """Camera, plane of motion, solids by name, and corners (n, 3) [m] of convex solids that may hide them.
+
+    rises: names of solids that leave the plane.
+    """
+
+    camera: Camera
+    plane: MotionPlane = FLOOR
+    solids: Mapping[str, Sized] = field(default_factory=dict)
+    fixtures: tuple[Corners, ...] = ()
+    rises: frozenset[str] = frozenset()
+
+    def body(self, name: str) -> Solid:
+        """Return a solid as a body with a silhouette."""
+        solid = self.solids[name]
+        if isinstance(solid, Box):
+            half = solid.half_extents
+        else:
+            half = (solid.radius, solid.radius, solid.radius if isinstance(solid, Sphere) else solid.half_height)
+        return Solid(name, solid.kind, half, self.camera, self.plane, name in self.rises)
+
+    def renamed(self, old: str, new: str) -> KnownScene:
+        """Return the scene with another name of a solid."""
+        solids = {new if name == old else name: solid for name, solid in self.solids.items()}
+        return replace(self, solids=solids, rises=frozenset(new if name == old else name for name in self.rises))
+
+    def hiding(self, shape: tuple[int, int]) -> NDArray[np.float32] | None:
+        """Distance along the camera's axis (H, W) [m] of the nearest fixture, FAR where there is none."""
+        if not self.fixtures:
+            return None
+        depths = fixture_depths([np.array(c) for c in self.fixtures], self.camera, shape)
+        return np.minimum(depths, np.float32(FAR))
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-ready values; `from_dict` reads them back."""
+        return {
+            "camera": self.camera.model_dump(mode="json"),
+            "plane": self.plane.model_dump(mode="json"),
+            "solids": {name: solid.model_dump(mode="json") for name, solid in self.solids.items()},
+            "fixtures": [[list(corner) for corner in corners] for corners in self.fixtures],
+            "rises": sorted(self.rises),
+        }
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Self:
+        """Return the inverse of `to_dict`."""
+        return cls(
+            Camera.model_validate(data["camera"]),
+            MotionPlane.model_validate(data["plane"]),
+            {name: _SIZED.validate_python(solid) for name, solid in data["solids"].items()},
+            tuple(tuple((float(x), float(y), float(z)) for x, y, z in corners) for corners in data["fixtures"]),
+            frozenset(data["rises"]),
+        )
+
+
+def same_plane(one: MotionPlane, other: MotionPlane) -> bool:
+    """Check whether two planes of motion are the same for bodies on them."""
+    normals = [np.asarray(p.normal) / np.linalg.norm(p.normal) for p in (one, other)]
+    apart = float((np.asarray(one.point) - np.asarray(other.point)) @ normals[0])
+    return one.supports == other.supports and bool(np.allclose(normals[0], normals[1], atol=1e-9)) and abs(apart) < 1e-9
+
+
+def fixture_depths(fixtures: Sequence[Floats], camera: Camera, shape: tuple[int, int]) -> NDArray[np.float32]:
+    """Return the distance along the camera's axis (H, W) [m] of the nearest convex solid, infinite where there is none.
+
+    fixtures: corners (n, 3) of each [m]. A ray enters a convex solid at the last of the planes that it crosses inwards,
+    and misses it where it crosses one outwards before (Cyrus & Beck 1978, Computers & Graphics 3:23).
+    """
+    nearest = np.full(shape, np.inf)
+    v, u = np.mgrid[0 : shape[0], 0 : shape[1]]
+    rays = camera.rays(np.stack([u, v], axis=-1).astype(float))
+    rays = rays / (camera.to_camera(camera.centre + rays)[..., 2:])
+    for corners in fixtures:
+        planes = ConvexHull(corners).equations
+        enter, leave = np.zeros(shape), np.full(shape, np.inf)
+        for plane in planes:
+            towards = rays @ plane[:3]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                crossed = -(float(plane[:3] @ camera.centre) + plane[3]) / towards
+            enter = np.where(towards < 0.0, np.maximum(enter, crossed), enter)
+            leave = np.where(towards > 0.0, np.minimum(leave, crossed), leave)
+        nearest = np.where((enter < leave) & (enter > 0.0), np.minimum(nearest, enter), nearest)
+    return np.asarray(nearest, dtype=np.float32)
