@@ -160,7 +160,9 @@ def _was_looked_for(app: App, case: Case) -> bool:
 def _look_for(app: App, case: Case, request: VideoRequest, steps: Steps, model: VideoModel) -> ImageObservation | None:
     """Look for known objects; what is found if it is no less than was matched, else None and a doubt."""
     before = latest_image_observation(app, case)
-    scene = {"floor": request.floor} if request.floor else {}
+    scene: dict[str, Any] = {"floor": request.floor} if request.floor else {}
+    if request.plane is not None:
+        scene["motion_plane"] = request.plane.model_dump(include={"point", "normal", "supports"})
     scene |= {"obstacles": request.build["obstacles"]} if request.build.get("obstacles") else {}
     least = 0 if model.matching is None else len(model.matching.matches)
     try:

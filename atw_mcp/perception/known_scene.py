@@ -26,16 +26,12 @@ _SIZED: TypeAdapter[Sized] = TypeAdapter(Sized)
 
 @dataclass(frozen=True)
 class KnownScene:
-    """Camera, plane of motion, solids by name, and corners (n, 3) [m] of convex solids that may hide them.
-
-    rises: names of solids that leave the plane.
-    """
+    """Camera, plane of motion, solids by name, and corners (n, 3) [m] of convex solids that may hide them."""
 
     camera: Camera
     plane: MotionPlane = FLOOR
     solids: Mapping[str, Sized] = field(default_factory=dict)
     fixtures: tuple[Corners, ...] = ()
-    rises: frozenset[str] = frozenset()
 
     def body(self, name: str) -> Solid:
         """Return a solid as a body with a silhouette."""
@@ -44,12 +40,12 @@ class KnownScene:
             half = solid.half_extents
         else:
             half = (solid.radius, solid.radius, solid.radius if isinstance(solid, Sphere) else solid.half_height)
-        return Solid(name, solid.kind, half, self.camera, self.plane, name in self.rises)
+        return Solid(name, solid.kind, half, self.camera, self.plane)
 
     def renamed(self, old: str, new: str) -> KnownScene:
         """Return the scene with another name of a solid."""
         solids = {new if name == old else name: solid for name, solid in self.solids.items()}
-        return replace(self, solids=solids, rises=frozenset(new if name == old else name for name in self.rises))
+        return replace(self, solids=solids)
 
     def hiding(self, shape: tuple[int, int]) -> NDArray[np.float32] | None:
         """Distance along the camera's axis (H, W) [m] of the nearest fixture, FAR where there is none."""
@@ -65,7 +61,6 @@ class KnownScene:
             "plane": self.plane.model_dump(mode="json"),
             "solids": {name: solid.model_dump(mode="json") for name, solid in self.solids.items()},
             "fixtures": [[list(corner) for corner in corners] for corners in self.fixtures],
-            "rises": sorted(self.rises),
         }
 
     @classmethod
@@ -76,7 +71,6 @@ class KnownScene:
             MotionPlane.model_validate(data["plane"]),
             {name: _SIZED.validate_python(solid) for name, solid in data["solids"].items()},
             tuple(tuple((float(x), float(y), float(z)) for x, y, z in corners) for corners in data["fixtures"]),
-            frozenset(data["rises"]),
         )
 
 

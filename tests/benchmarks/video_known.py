@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from atw_mcp.observation.matching import Known
 from atw_mcp.perception.calibration import calibrate_from_points
-from atw_mcp.perception.known.observe import observe_known
+from atw_mcp.perception.known_bodies import observe_known
+from atw_mcp.perception.known_scene import KnownScene
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.tools.known_objects import bodies_of, corners_of
@@ -40,7 +41,8 @@ def observe_as_known(file: Path, _labels: Labels, _bodies: list[str]) -> ImageOb
         return observe(file)  # cloth and rope are not looked for
     obstacles = [ObstacleArgument.model_validate(item) for item in obstacles_of(known)]
     fixtures = corners_of([static for item in obstacles for static in item.to_statics(_no_meshes)])
-    return observe_known(file, bodies_of(things, camera), camera, places, fixtures=fixtures)
+    bodies, solids = bodies_of(things)
+    return observe_known(file, bodies, KnownScene(camera, solids=solids, fixtures=fixtures))
 
 
 def _no_meshes(name: str) -> tuple[np.ndarray, np.ndarray]:

@@ -16,15 +16,15 @@ from atw_mcp.perception.video import load
 from tests.benchmarks.video_scores import SEEN
 
 Labels = NDArray[np.uint8]
-Seeded = Literal["box", "point"]
+Seeded = Literal["box", "outline"]
 
 MARGIN = 2  # [px] by which a box is larger than the body
 WHOLE = 0.8  # of a body's largest visible area, from which a frame shows it whole
 
 
 def seeds(labels: Labels, bodies: list[str], how: Seeded) -> list[Outline]:
-    """Return one seed for each body that labels (T, H, W) show: its box, or the point deepest inside it, in the middle
-    one of the frames that show it whole."""
+    """Return one seed for each body that labels (T, H, W) show: its box, or its outline, in the middle one of the
+    frames that show it whole."""
     made = []
     height, width = labels.shape[1:]
     for k, body in enumerate(bodies):
@@ -34,11 +34,12 @@ def seeds(labels: Labels, bodies: list[str], how: Seeded) -> list[Outline]:
         whole = np.flatnonzero(area >= max(WHOLE * area.max(), SEEN))
         frame = int(whole[len(whole) // 2])
         mask = labels[frame] == k + 1
-        if how == "point":
-            depth = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
-            y, x = np.unravel_index(int(np.argmax(depth)), depth.shape)
-            made.append(Outline(body, frame, positive=((float(x), float(y)),), add=True))
-            continue
+        if how == "outline":
+            contours = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0]
+            points = max(contours, key=cv2.contourArea)[:, 0]
+            if len(points) > 2:
+                made.append(Outline(body, frame, outline=tuple((float(u), float(v)) for u, v in points), add=True))
+                continue
         y, x = np.nonzero(mask)
         left, top = max(int(x.min()) - MARGIN, 0), max(int(y.min()) - MARGIN, 0)
         right, bottom = min(int(x.max()) + MARGIN + 1, width), min(int(y.max()) + MARGIN + 1, height)

@@ -7,7 +7,7 @@ Options: [--clips DIR] scores a folder drawn before, else clips are drawn: [--co
 [--pictures DIR] writes outlines over frames; [--json] prints all figures. [--model NAME] scores a learned model of
 ATW_MODELS in place of OpenCV, prompted with the boxes of what OpenCV found; [--agreement] takes each object from the
 better of the two. [--known] gives the bodies' names, colours and sizes and points for the camera, as a user would.
-[--seeded box|point] gives one box or point per body in one frame, and follows it from there.
+[--seeded box|outline] gives one box or outline per body in one frame, and follows it from there.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, help="default: from the operating system")
     parser.add_argument("--quick", action="store_true", help=f"draw {QUICK} clips")
     parser.add_argument("--known", action="store_true", help="use what known.json says: bodies, sizes, camera")
-    parser.add_argument("--seeded", choices=("box", "point"), help="follow each body from one seed")
+    parser.add_argument("--seeded", choices=("box", "outline"), help="follow each body from one seed")
     parser.add_argument("--pictures", type=Path, metavar="DIR")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--model", metavar="NAME", help="a segmentation model under ATW_MODELS")

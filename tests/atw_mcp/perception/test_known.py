@@ -351,3 +351,21 @@ def test_tracks_take_the_places_that_were_followed_with_errors_that_hold(tmp_pat
     other = MotionPlane(point=(0.0, 0.0, 0.2))
     higher = world_tracks(again, from_the_side(), {"ball": BALL}, other, seconds_per_frame=0.04)
     assert np.nanmedian(higher.positions[:, 0, 2]) == pytest.approx(0.2 + RADIUS)
+
+
+def test_ball_that_leaves_the_floor_is_followed_in_the_image_and_said_to(tmp_path: Path) -> None:
+    path, t = tmp_path / "clip.avi", np.linspace(0.0, 0.8, FRAMES)
+    flying = np.stack([-0.7 + 1.4 * t, 0 * t, RADIUS + 3.924 * t - 4.905 * t**2], axis=1)
+    camera, frames = from_the_side(), []
+    for place in flying:
+        frame = np.full((HEIGHT, WIDTH, 3), GREY, dtype=float)
+        disc(frame, camera.project(place), RADIUS * FOCAL / camera.to_camera(place)[2], RED)
+        frames.append(frame)
+    write(path, frames)
+    seen = looked_for(path, [KnownBody("ball", "red")], camera)
+    ball = seen.object("ball")
+    whole = np.array(ball.status) == "visible"
+    assert whole.sum() > 9
+    assert np.linalg.norm(ball.centroid - camera.project(flying), axis=1)[whole].max() < 1.0
+    assert ball.places is None
+    assert any("ball is" in note and "leaves that" in note for note in seen.notes)

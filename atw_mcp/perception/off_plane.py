@@ -1,0 +1,75 @@
+"""Solids that do not move on their plane: they look larger, or smaller, than on it, and are followed in the image."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from atw_mcp.perception import eye
+from atw_mcp.perception.eye.likelihood import Scene
+from atw_mcp.perception.eye.pixels import Floats, filled
+
+LARGER = 1.4  # area over that of the silhouette on the plane: on it 0.8 to 1.25 (contact shadows, sliding clips)
+SAMPLED = 16  # frames in which it is compared
+LEAST_FRAMES, LEAST_SHARE = 3, 0.2  # of those in which it has to be larger
+MARGIN, WIDE = 0.5, 1.5  # [radii] around a silhouette in which its pixels are searched for: to compare, for a seed
+
+
+@dataclass(frozen=True)
+class OffPlane:
+    """A solid that is not on its plane: rows that show it, the ratio of areas there, and a seed in the image."""
+
+    rows: tuple[int, ...]
+    ratio: float
+    seed: eye.Seed
+
+
+def off_plane(scene: Scene, tracks: Sequence[eye.Track]) -> dict[str, OffPlane]:
+    """Return the solids on a plane, but for those that may rise, that are clearly larger than their silhouettes."""
+    found = {}
+    for i, track in enumerate(tracks):
+        seen = np.flatnonzero(np.isfinite(track.poses[:, 0]))
+        if not isinstance(track.body, eye.Solid) or track.body.rises or len(seen) < LEAST_FRAMES:
+            continue
+        rows = seen[np.unique(np.linspace(0, len(seen) - 1, min(SAMPLED, len(seen))).astype(int))]
+        ratios = np.array([_ratio(scene, i, int(k)) for k in rows])
+        larger = rows[ratios > LARGER]
+        if len(larger) >= max(LEAST_FRAMES, LEAST_SHARE * len(rows)):
+            best = int(rows[int(np.argmax(ratios))])
+            seed = _seed(scene, i, best, round=track.body.kind == "sphere")
+            ratio = float(np.median(ratios[ratios > LARGER]))
+            found[track.body.name] = OffPlane(tuple(int(k) for k in larger), ratio, seed)
+    return found
+
+
+def _ratio(scene: Scene, body: int, row: int) -> float:
+    """Number of a body's pixels in a row's frame over that of its silhouette."""
+    mask = eye.body_mask(scene, body, row, MARGIN)
+    polygon = scene.bodies[body].polygon(scene.poses[body, row])
+    silhouette = filled(polygon, mask.corner, (mask.mask.shape[1], mask.mask.shape[0]))
+    return float((mask.mask.sum() + 1) / (silhouette.sum() + 1))
+
+
+def _seed(scene: Scene, body: int, row: int, *, round: bool) -> eye.Seed:
+    mask = eye.body_mask(scene, body, row, WIDE)
+    name = scene.bodies[body].name
+    if round:
+        u, v = mask.centre()
+        return eye.Seed(name, "circle", row, (u, v, float(np.sqrt(mask.mask.sum() / np.pi))))
+    return eye.Seed(name, "outline", row, mask.outline())
+
+
+def in_image(name: str, seed: eye.Seed) -> eye.Outline:
+    """Body of a seed's shape that moves and changes in size in the image."""
+    return replace(eye.outline_body(name, seed), scales=True)
+
+
+def has_place(body: eye.Solid, seed: eye.Seed) -> bool:
+    """Whether a seed's centre is on the plane of motion, and not above its horizon."""
+    centre = seed.centre()
+    if centre is None:
+        return True
+    pose: Floats = body.placed(centre, np.zeros(4))
+    return bool(np.isfinite(pose).all())
