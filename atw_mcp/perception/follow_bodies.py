@@ -21,7 +21,7 @@ from atw_mcp.perception.known_scene import KnownScene
 from atw_mcp.perception.masks import Mask, RunLengthMask
 from atw_mcp.perception.observation import ObservationError, ObservedObject, Status
 from atw_mcp.perception.observe import describe, reduced
-from atw_mcp.perception.off_plane import OffPlane, has_place, in_image, off_plane
+from atw_mcp.perception.off_plane import OffPlane, has_place, in_image, lying, off_plane
 from atw_mcp.perception.places import places_of
 from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Progress
 
@@ -113,6 +113,10 @@ def follow_bodies(
     hiding = None if scene is None else scene.hiding(clip.frames.shape[1:3])
     try:
         tracks, found = eye.observe(clip.steady, bodies, hints, hiding=hiding, tick=tick)
+        on_side = lying(found, tracks)
+        if on_side:
+            bodies = [replace(b, lies=True) if isinstance(b, eye.Solid) and b.name in on_side else b for b in bodies]
+            tracks, found = eye.observe(clip.steady, bodies, hints, hiding=hiding, tick=tick)
         off = off_plane(found, tracks)
         if off:
             bodies = [in_image(b.name, off[b.name].seed) if b.name in off else b for b in bodies]

@@ -10,10 +10,13 @@ import numpy as np
 from atw_mcp.perception import eye
 from atw_mcp.perception.eye.likelihood import Scene
 from atw_mcp.perception.eye.pixels import Floats, filled
+from atw_mcp.perception.eye.states import state_at
 
 LARGER = 1.4  # area over that of the silhouette on the plane: on it 0.8 to 1.25 (contact shadows, sliding clips)
 SAMPLED = 16  # frames in which it is compared
 LEAST_FRAMES, LEAST_SHARE = 3, 0.2  # of those in which it has to be larger
+COMPARED = 8  # frames in which a cylinder is tried on its side
+BETTER = 0.5  # [nats] of contrast by which it must explain them better: that from which on a body is seen at all
 MARGIN, WIDE = 0.5, 1.5  # [radii] around a silhouette in which its pixels are searched for: to compare, for a seed
 
 
@@ -42,6 +45,27 @@ def off_plane(scene: Scene, tracks: Sequence[eye.Track]) -> dict[str, OffPlane]:
             ratio = float(np.median(ratios[ratios > LARGER]))
             found[track.body.name] = OffPlane(tuple(int(k) for k in larger), ratio, seed)
     return found
+
+
+def lying(scene: Scene, tracks: Sequence[eye.Track]) -> frozenset[str]:
+    """Return the upright cylinders on a plane that explain their pixels clearly better on their side."""
+    found = set()
+    for i, track in enumerate(tracks):
+        body, seen = track.body, np.flatnonzero(np.isfinite(track.poses[:, 0]))
+        if not isinstance(body, eye.Solid) or body.kind != "cylinder" or body.upright or body.lies or not len(seen):
+            continue
+        gains = []
+        for k in seen[np.unique(np.linspace(0, len(seen) - 1, min(COMPARED, len(seen))).astype(int))]:
+            pose = track.poses[k]
+            standing = state_at(scene, i, int(k), pose).contrast
+            on_side = replace(body, lies=True)
+            scene.bodies[i] = on_side
+            tried = [state_at(scene, i, int(k), pose + np.array([0, 0, a, 0])).contrast for a in on_side.angles()]
+            scene.bodies[i] = body
+            gains.append(max(tried) - standing)
+        if np.median(gains) > BETTER:
+            found.add(body.name)
+    return frozenset(found)
 
 
 def _ratio(scene: Scene, body: int, row: int) -> float:

@@ -16,6 +16,7 @@ from polyworld.world.geometry import plane_axes
 
 Floats = NDArray[np.float64]
 TURN_UNSURE = 0.25  # [rad] standard deviation of an angle at which its confidence has fallen to 1/e
+ON_ITS_SIDE = Rotation.from_euler("y", 90.0, degrees=True)  # own z along x
 ALIKE = 0.02  # relative difference of a box's sides below which a quarter turn is not seen
 
 
@@ -65,6 +66,8 @@ def places_of(track: Track, systematic: float) -> Places:
     orientations, turn_sigma = np.full((count, 4), np.nan), np.full(count, np.inf)
     axes = plane_axes(body.plane)
     rest = Rotation.identity() if body.upright else Rotation.from_matrix(axes.T)
+    if body.lies:
+        rest = rest * ON_ITS_SIDE
     turns = len(body.angles()) > 1
     tilted = abs(axes[2, 2]) < 1 - 1e-6 and not body.upright
     angles = _continuous(track.poses[:, 2], np.pi / 2 if _order(body) == 4 else np.pi)
@@ -84,7 +87,7 @@ def places_of(track: Track, systematic: float) -> Places:
 
 def _order(body: Solid) -> int:
     """Order of rotational symmetry about the plane's normal."""
-    if len(body.angles()) == 1:
+    if len(body.angles()) == 1 or body.lies:
         return 0
     across = body.half[2] if body.upright else body.half[1]
     return 4 if body.kind == "box" and abs(body.half[0] - across) < ALIKE * body.half[0] else 2

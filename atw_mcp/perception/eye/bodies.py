@@ -62,8 +62,9 @@ class Solid:
     """A sphere, box or cylinder on a plane of motion: pose (x, y, angle, height) in the plane's axes [m, rad].
 
     half (3,): half extents along its own axes [m]. On a plane that supports it, as a floor, it stands with its own z
-    along the normal; height is the rise of its lowest point, unknown only with `rises`. In an upright plane that does
-    not, as of a side view, its centre is in the plane and its own z along the plane's y.
+    along the normal, or lies with it along the plane's x at angle 0; height is the rise of its lowest point, unknown
+    only with `rises`. In an upright plane that does not, as of a side view, its centre is in the plane and its own z
+    along the plane's y.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Solid:
     camera: Camera
     plane: MotionPlane = FLOOR
     rises: bool = False
+    lies: bool = False
 
     @property
     def upright(self) -> bool:
@@ -94,7 +96,7 @@ class Solid:
 
     def middle(self, pose: Floats) -> Floats:
         """Centre (3,) in the world [m]."""
-        above = (self.half[2] if self.plane.supports else 0.0) + pose[3]
+        above = (self.half[0 if self.lies else 2] if self.plane.supports else 0.0) + pose[3]
         return np.asarray(np.asarray(self.plane.point) + np.array([pose[0], pose[1], above]) @ plane_axes(self.plane))
 
     def _surface(self, pose: Floats) -> Floats:
@@ -114,6 +116,8 @@ class Solid:
         own = np.concatenate([np.c_[flat, np.full(len(flat), z)] for z in (-1.0, 1.0)]) * self.half
         if self.upright:  # own y points away along the normal
             own = own[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
+        elif self.lies:
+            own = own[:, [2, 1, 0]] * [1.0, 1.0, -1.0]
         cosine, sine = np.cos(pose[2]), np.sin(pose[2])
         turned = own @ np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
         return np.asarray(middle + turned @ plane_axes(self.plane))
@@ -130,7 +134,7 @@ class Solid:
         small = 1e-4
         moved = [(self.camera.project(self._surface(pose + small * e)) - points)[used] / small for e in np.eye(4)]
         found = _sampled(points[used], np.stack(moved), most)
-        if self.kind == "sphere" or self.upright:
+        if self.kind == "sphere" or self.upright or self.lies:
             return found
         # A rim rounded by r lies r (|w_xy| + w_z - 1) farther in than a sharp one, w the normal of the tangent plane
         # through the camera. Of lower rims a dark gap is left, which is seen as the body's.
@@ -167,7 +171,8 @@ class Solid:
         """Angles from which a search begins; one where the silhouette does not show it."""
         if self.kind == "box":
             return [0.0, np.pi / 8, np.pi / 4, 3 * np.pi / 8]
-        return [0.0, np.pi / 4, np.pi / 2, 3 * np.pi / 4] if self.kind == "cylinder" and self.upright else [0.0]
+        turns = self.kind == "cylinder" and (self.upright or self.lies)
+        return [0.0, np.pi / 4, np.pi / 2, 3 * np.pi / 4] if turns else [0.0]
 
 
 @dataclass(frozen=True)
