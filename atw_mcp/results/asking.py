@@ -19,7 +19,7 @@ class Likely(Result):
 
     median: float
     i80: Interval = Field(alias="80%")
-    i95: Interval = Field(alias="95%")
+    i95: Interval | None = Field(default=None, alias="95%", description="in the record of each answer")
 
 
 class AnswerToOne(Result):
@@ -30,9 +30,9 @@ class AnswerToOne(Result):
     evidence: str = Field(description="id of its own record, with the whole answer; cite it in Finish")
     rollout: str = Field(description="of the best fit, with these edits")
     edits: list[Edit] | None = Field(default=None, description="missing: none")
-    members: int = Field(description="that decide it")
-    unknown: int = Field(description="members that do not")
-    best_fit: bool | int | float | Triple | str | None = Field(description="what the best fit alone says")
+    members: int | None = Field(default=None, description="that decide it; this and what follows: in its own record")
+    unknown: int | None = Field(default=None, description="members that do not")
+    best_fit: bool | int | float | Triple | str | None = Field(default=None, description="what the best fit alone says")
     probability: float | None = Field(default=None, description="of whether")
     probabilities: dict[str, float] | None = Field(default=None, description="of which_first: by statement, or none")
     never: float | None = Field(default=None, description="of when: probability that it never holds")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -59,7 +60,7 @@ def ask(
             description="each with what is asked and, for what would happen otherwise, edits. "
             + QUESTIONS["description"],
             min_length=1,
-            max_length=32,
+            max_length=16,
             examples=[[EXAMPLE, {"ask": "where", "object": "red", "at": 2.0}]],
         ),
     ],
@@ -218,9 +219,9 @@ def _in_words(about: dict[str, Any], named: list[str], unseen: set[str]) -> str:
         shares = sorted(about["probabilities"].items(), key=lambda item: -item[1])
         text = ", ".join(f"{label}: {share:.2g}" for label, share in shares)
     elif "place" in about:
-        text = ", ".join(f"{axis} {_spread(about['place'][axis])}" for axis in "xyz") + " m"
+        text = ", ".join(f"{axis} {_spread(about['place'][axis])}" for axis in "xyz") + " m, with 80% intervals"
     elif "value" in about:
-        text = f"{_spread(about['value'])} {about['unit']}"
+        text = f"{_spread(about['value'])} {about['unit']}, with its 80% interval"
         text += f", never with probability {about['never']:.2g}" if about.get("never") else ""
     else:
         text = "never, in any member"
@@ -238,18 +239,38 @@ def _in_words(about: dict[str, Any], named: list[str], unseen: set[str]) -> str:
 
 
 def _spread(about: dict[str, Any]) -> str:
-    low, high = about["80%"]
-    return f"{about['median']:.4g} (80%: {low:.4g} to {high:.4g})"
+    narrow = _narrow(about)
+    low, high = narrow["80%"]
+    return f"{narrow['median']:g} ({low:g} to {high:g})"
 
 
 def _together(
     case: Case, base: World, rows: list[dict[str, Any]], members: int, horizon: float, observed: float
 ) -> Answer:
-    said = " ".join(f"{i}. {row['question']}: {row['answer']}." for i, row in enumerate(rows, start=1))
+    whole = {"members": members, "until": horizon, "observed_until": observed}
     return Answer(
-        summary=f"{said} Evidence {', '.join(row['evidence'] for row in rows)}",
-        data={"answers": rows, "members": members, "until": horizon, "observed_until": observed},
+        summary=f"{len(rows)} answers of {members} worlds that the data allow, run to {horizon:.4g} s",
+        data={"answers": rows, **whole},
+        shown={"answers": [_brief(row) for row in rows], **whole},
         case=case.id,
         world=base.id,
         interval=(0.0, horizon),
     )
+
+
+def _brief(row: dict[str, Any]) -> dict[str, Any]:
+    """Return an answer without what its own record repeats: the answer in words, and its numbers."""
+    brief = {name: row[name] for name in ("question", "answer", "evidence", "rollout")}
+    brief |= {name: row[name] for name in ("probability", "probabilities", "never", "unit") if name in row}
+    if "value" in row:
+        brief["value"] = _narrow(row["value"])
+    if "place" in row:
+        brief["place"] = {axis: _narrow(spread) for axis, spread in row["place"].items()}
+    return brief
+
+
+def _narrow(spread: dict[str, Any]) -> dict[str, Any]:
+    """Return median and 80% interval to the digits that its width allows."""
+    low, high = spread["80%"]
+    digits = max(0, 2 - math.floor(math.log10(high - low))) if high > low else 4
+    return {"median": round(spread["median"], digits), "80%": [round(low, digits), round(high, digits)]}
