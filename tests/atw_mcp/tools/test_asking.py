@@ -41,7 +41,11 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
 
 
 def asked(session: Session, *questions: dict[str, Any], **more: Any) -> list[dict[str, Any]]:
-    answers: list[dict[str, Any]] = session("Ask", case="slide", questions=list(questions), **more)["data"]["answers"]
+    """Whole answers; an agent is shown them in short."""
+    short = session.shown("Ask", case="slide", questions=list(questions), **more)
+    whole = session("ReadEvidence", evidence=short["evidence"], detail="full")["data"]["answers"]
+    assert [row["answer"] for row in short["data"]["answers"]] == [row["answer"] for row in whole]
+    answers: list[dict[str, Any]] = whole
     return answers
 
 
