@@ -30,6 +30,7 @@ def colour_word(text: str) -> str | None:
 
 
 def _word(words: list[str]) -> str | None:
+    words = ["grey" if word == "gray" else word for word in words]
     name = " ".join(words)
     if len(words) == 1 and (name in HUES or name in GREYS):
         return name

@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from atw_mcp.perception.eye.bodies import Outline
 from atw_mcp.perception.eye.likelihood import Scene
 from atw_mcp.perception.eye.pixels import Floats
-from atw_mcp.perception.eye.states import State, candidates, motion_prior, present, score, state_at
+from atw_mcp.perception.eye.states import State, candidates, in_view, motion_prior, present, score, state_at
 
 States = dict[int, State]
 
@@ -82,7 +82,7 @@ def _assigned(scene: Scene, walkers: list[_Walker], frame: int) -> list[State | 
     for w in walkers:
         shape = scene.bodies[w.body]
         moved = np.linalg.norm(shape.centre(w.before + w.velocity) - shape.centre(w.before)) / shape.radius(w.before)
-        reach = (s.search if w.known else 1.6 * s.search) * (1 + w.missed) + s.faster * float(moved)
+        reach = (s.search if w.known else 1.6 * s.search) * (1 + w.missed) + s.faster * float(np.nan_to_num(moved))
         others = [w.before] if w.known and not w.missed else []
         options.append(candidates(scene, w.body, frame, w.predicted(), others, w.before, min(reach, s.search_most)))
     places: list[Floats] = []
@@ -155,6 +155,7 @@ def _again(scene: Scene, body: int, frame: int) -> State | None:
             starts.append(2 * poses[a] - poses[b])
     if 0 < frame < count - 1 and known[frame - 1] and known[frame + 1]:
         starts.append((poses[frame - 1] + poses[frame + 1]) / 2)
+    starts = [pose for pose in starts if in_view(scene, body, pose)]
     if not starts:
         return None
     centre = scene.bodies[body].centre

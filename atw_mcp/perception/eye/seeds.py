@@ -92,7 +92,8 @@ def word_map(frame: NDArray[np.uint8], word: str, background: Array) -> Array:
     hue, saturation, value = hsv[..., 0], hsv[..., 1], hsv[..., 2]
     differs = np.abs(np.log(frame.astype(np.float32) + 12).mean(axis=-1) - background) > 0.1
     if word in GREYS:
-        fits = (saturation < 45) & differs
+        low, high = {"black": (0, 90), "white": (150, 255)}.get(word, (0, 255))  # in any shade and light
+        fits = (saturation < 45) & differs & (value >= low) & (value <= high)
         return np.where(fits, 1.5, -1.0).astype(np.float32)
     if word not in HUES:
         raise ValueError(f"no colour is called {word!r}: {', '.join([*HUES, *GREYS])}")

@@ -136,7 +136,11 @@ def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
             scale = max(1.48 * float(np.median(np.abs(left[shown]))) if shown.any() else 0.0, s.edge_error)
             weight = precision / (1 + (left / (s.robust * scale)) ** 2) ** 2
         limit = 0.8 * shape.unit[free]
-        pose[free] += np.clip(step[:-2], -limit, limit)
+        moved = pose.copy()
+        moved[free] += np.clip(step[:-2], -limit, limit)
+        if not np.isfinite(shape.polygon(moved)).all():  # beyond the horizon of its plane, or behind the camera
+            break
+        pose = moved
     strong = precision > 0.25 / s.edge_error**2
     inflation = max(s.correlated / contour.spacing, 1.0) * max(scale / (2 * s.edge_error), 1.0) ** 2
     covariance = np.zeros((4, 4))

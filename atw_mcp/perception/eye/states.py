@@ -39,6 +39,11 @@ def state_at(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
     return State(fit, *scene.looks(body, frame, fit.pose))
 
 
+def in_view(scene: Scene, body: int, pose: Floats) -> bool:
+    """Whether a pose has a silhouette: it is not beyond the horizon of its plane, nor behind the camera."""
+    return bool(np.isfinite(pose).all() and np.isfinite(scene.bodies[body].polygon(pose)).all())
+
+
 def motion_prior(scene: Scene, body: int) -> Floats:
     """Standard deviations (4,) of a pose about its prediction from the frame before."""
     s, shape = scene.settings, scene.bodies[body]
@@ -86,7 +91,8 @@ def peaks(scene: Scene, body: int, frame: int, pose: Floats, reach: float) -> li
         if summed[row, column] < 0.2 * s.present:
             break
         place = grid[row, column]
-        found.append(shape.placed(place, pose))
+        if in_view(scene, body, shape.placed(place, pose)):
+            found.append(shape.placed(place, pose))
         summed[np.hypot(*np.moveaxis(grid - place, -1, 0)) < radius] = -np.inf
     return found
 
@@ -96,6 +102,8 @@ def candidates(
 ) -> list[tuple[float, State]]:
     """Scored states of a body in a frame: at its prediction and other poses; by search `about` a pose, within `reach`
     [radii], where those look weak. None where it is not seen."""
+    if not in_view(scene, body, predicted):
+        predicted = about
     prior = motion_prior(scene, body)
     found: list[tuple[float, State]] = []
 

@@ -281,7 +281,7 @@ def test_what_names_no_colour_is_refused(tmp_path: Path) -> None:
 
 def test_the_longest_colour_in_a_description_is_taken() -> None:
     assert colour_word("a dark grey cube") == "grey"
-    assert colour_word("gray_box") == "gray"
+    assert colour_word("gray_box") == "grey"
     assert colour_word("navy blue ball on a red mat") == "blue"
     assert colour_word("teal") == "cyan"
     assert colour_word("chocolate") == "brown"
@@ -399,3 +399,31 @@ def test_cylinder_is_seen_to_stand_or_to_lie(tmp_path: Path, lies: bool) -> None
     if lies:
         axis = quaternion_matrix(tracks.orientations[:, 0])[:, :, 2]
         assert np.abs(axis @ [np.cos(turn), np.sin(turn), 0.0]).min() > 0.998
+
+
+def test_black_and_white_bodies_are_not_exchanged_and_the_horizon_stops_nothing(tmp_path: Path) -> None:
+    """A camera that looks nearly level: one body rolls away towards the horizon, the other is thrown over it."""
+    path, t = tmp_path / "clip.avi", np.linspace(0.0, 1.0, FRAMES)
+    forward, right = np.array([0.0, 1.0, -0.1]) / np.sqrt(1.01), np.array([1.0, 0.0, 0.0])
+    rotation = np.stack([right, np.cross(forward, right), forward])
+    translation = -rotation @ np.array([0.0, -2.2, 0.5])
+    camera = from_above().model_copy(update={"rotation": rotation.tolist(), "translation": translation.tolist()})
+    places = {
+        "black": np.stack([-0.5 + 0.2 * t, 1.5 * t, np.full(FRAMES, RADIUS)], axis=1),
+        "white": np.stack([0.1 + 0.4 * t, 0 * t, RADIUS + np.maximum(4.4 * t * (1.0 - t), 0.0)], axis=1),
+    }
+    frames = []
+    for k in range(FRAMES):
+        frame = np.full((HEIGHT, WIDTH, 3), GREY, dtype=float)
+        for name, colour in (("black", (25, 25, 25)), ("white", (230, 230, 230))):
+            place = places[name][k]
+            disc(frame, camera.project(place), RADIUS * FOCAL / camera.to_camera(place)[2], colour)
+        frames.append(frame)
+    write(path, frames)
+    seen = looked_for(path, [KnownBody("white", "white"), KnownBody("black", "black")], camera)
+    for name, truth in places.items():
+        found = seen.object(name)
+        off = np.linalg.norm(found.centroid - camera.project(truth), axis=1)
+        radius = np.sqrt(found.area / np.pi)
+        assert not ((off > 0.5 * radius) & (found.confidence > 0.8) & (np.array(found.status) == "visible")).any()
+        assert np.nanmedian(off) < 1.0
