@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from atw_mcp.perception import eye
 from atw_mcp.perception.eye.likelihood import Scene
-from atw_mcp.perception.eye.pixels import Floats, filled
+from atw_mcp.perception.eye.pixels import Floats, Mask, filled
 from atw_mcp.perception.eye.states import state_at
 
 LARGER = 1.4  # area over that of the silhouette on the plane: on it 0.8 to 1.25 (contact shadows, sliding clips)
 SAMPLED = 16  # frames in which it is compared
 LEAST_FRAMES, LEAST_SHARE = 3, 0.2  # of those in which it has to be larger
+LEAST_RADIUS = 3.0  # [px] of a silhouette below which its pixels are too few to count
+COMPACT = 0.75  # share of its convex hull that a solid's mask fills
 COMPARED = 8  # frames in which a cylinder is tried on its side
 BETTER = 0.5  # [nats] of contrast by which it must explain them better: that from which on a body is seen at all
-MARGIN, WIDE = 0.5, 1.5  # [radii] around a silhouette in which its pixels are searched for: to compare, for a seed
+MARGIN, WIDE = 0.5, 6.0  # [radii] around a silhouette in which its pixels are searched for: to compare, for a seed
 
 
 @dataclass(frozen=True)
@@ -69,11 +72,41 @@ def lying(scene: Scene, tracks: Sequence[eye.Track]) -> frozenset[str]:
 
 
 def _ratio(scene: Scene, body: int, row: int) -> float:
-    """Number of a body's pixels in a row's frame over that of its silhouette."""
+    """Number of a body's pixels in a row's frame over that of its silhouette; one where they are no solid's.
+
+    Pixels that look like the body and surround it, as ground of its colour does, reach the border of the window.
+    """
+    shape, pose = scene.bodies[body], scene.poses[body, row]
+    wide = eye.body_mask(scene, body, row, WIDE)
+    picture = (scene.film.width, scene.film.height)
+    if (
+        shape.radius(pose) < LEAST_RADIUS
+        or not wide.mask.any()
+        or _leaks(wide, picture)
+        or _filling(wide.mask) < COMPACT
+    ):
+        return 1.0
     mask = eye.body_mask(scene, body, row, MARGIN)
     polygon = scene.bodies[body].polygon(scene.poses[body, row])
     silhouette = filled(polygon, mask.corner, (mask.mask.shape[1], mask.mask.shape[0]))
     return float((mask.mask.sum() + 1) / (silhouette.sum() + 1))
+
+
+def _leaks(found: eye.BodyMask, picture: tuple[int, int]) -> bool:
+    """Whether a mask reaches a border of its window that is not one of the picture (w, h)."""
+    mask, (u, v) = found.mask, found.corner
+    height, width = mask.shape
+    left, right = u > 0 and mask[:, 0].any(), u + width < picture[0] and mask[:, -1].any()
+    top, bottom = v > 0 and mask[0].any(), v + height < picture[1] and mask[-1].any()
+    return bool(left or right or top or bottom)
+
+
+def _filling(mask: Mask) -> float:
+    """Share of its convex hull that a mask fills."""
+    rows, columns = np.nonzero(mask)
+    hull = cv2.convexHull(np.stack([columns, rows], axis=1).astype(np.int32))
+    filled_hull = cv2.fillConvexPoly(np.zeros(mask.shape, np.uint8), hull, 1)
+    return float(mask.sum() / filled_hull.sum())
 
 
 def _seed(scene: Scene, body: int, row: int, *, round: bool) -> eye.Seed:
