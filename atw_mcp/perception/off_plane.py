@@ -19,6 +19,7 @@ LEAST_FRAMES, LEAST_SHARE = 3, 0.2  # of those in which it has to be larger
 LEAST_RADIUS = 3.0  # [px] of a silhouette below which its pixels are too few to count
 COMPACT = 0.75  # share of its convex hull that a solid's mask fills
 COMPARED = 8  # frames in which a cylinder is tried on its side
+SHOWN = 0.4  # share of its normals whose edges must be seen, from which on it stands: 0.05 lying, 0.84 standing
 BETTER = 0.5  # [nats] of contrast by which it must explain them better: that from which on a body is seen at all
 MARGIN, WIDE = 0.5, 6.0  # [radii] around a silhouette in which its pixels are searched for: to compare, for a seed
 
@@ -57,16 +58,17 @@ def lying(scene: Scene, tracks: Sequence[eye.Track]) -> frozenset[str]:
         body, seen = track.body, np.flatnonzero(np.isfinite(track.poses[:, 0]))
         if not isinstance(body, eye.Solid) or body.kind != "cylinder" or body.upright or body.lies or not len(seen):
             continue
-        gains = []
+        gains, standing = [], []
         for k in seen[np.unique(np.linspace(0, len(seen) - 1, min(COMPARED, len(seen))).astype(int))]:
             pose = track.poses[k]
-            standing = state_at(scene, i, int(k), pose).contrast
+            standing.append(state_at(scene, i, int(k), pose))
             on_side = replace(body, lies=True)
             scene.bodies[i] = on_side
             tried = [state_at(scene, i, int(k), pose + np.array([0, 0, a, 0])).contrast for a in on_side.angles()]
             scene.bodies[i] = body
-            gains.append(max(tried) - standing)
-        if np.median(gains) > BETTER:
+            gains.append(max(tried) - standing[-1].contrast)
+        shown = float(np.median([state.fit.decided for state in standing]))
+        if np.median(gains) > BETTER and shown < SHOWN:
             found.add(body.name)
     return frozenset(found)
 
