@@ -37,7 +37,7 @@ OWN = {
     "BuildWorld": {"case", "tracks", "observation", "patience_seconds"},
     "FitWorld": {"case", "world", "seed", "patience_seconds"},
     "ImportObservation": {"case", "kind", "path"},
-    "Rollout": {"case", "variants", "world", "ensemble"},
+    "Rollout": {"case", "world", "ensemble"},
     "QueryWorld": {"rollout", "predicates"},
 }
 STEPS = {"observe": "ObserveObjects", "calibrate": "CalibrateCamera", "build": "BuildWorld", "fit": "FitWorld"}

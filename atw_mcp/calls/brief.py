@@ -25,7 +25,7 @@ class Room:
     argument: int = 60  # clauses of an argument's description; the first one is always kept
     enum: int = 140  # JSON of an enumeration
     forms: int = 1200  # signatures of a tagged object's forms; above it their names alone
-    output: int = 200  # JSON of a result's schema; above it types are left out, then fields
+    output: int = 140  # JSON of a result's schema; above it types are left out, then fields
 
 
 ROOM = Room()

@@ -77,8 +77,8 @@ _ABOUT = {
     "InspectFrames and InspectRollout, CommitWorld. Where the objects and the camera are known, ModelVideo makes all "
     "these steps up to FitWorld in one call.",
     "gap": "Where the fitted world still disagrees with the data: FindDiscrepancy, ProposeEffects, AddEffect.",
-    "probing": "World Probing: Rollout (with interventions), ReadEvents, CompareWorlds, QueryWorld, then Finish with "
-    "the evidence ids that decide the question.",
+    "probing": "World Probing: Ask (a list of questions, each with interventions), then Rollout, ReadEvents, "
+    "CompareWorlds, QueryWorld to look closer, then Finish with the evidence ids that decide the question.",
 }
 
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from atw_mcp.calls.intervals import Span
 from atw_mcp.probing import readouts
 from atw_mcp.probing.ensembles import Ensemble
-from atw_mcp.probing.prediction_errors import SETTINGS, chances
+from atw_mcp.probing.prediction_errors import SETTINGS, chances, distance
+from polyworld.estimation.model_error import with_model_error
 from polyworld.probing.compare import Comparison, compare
 from polyworld.probing.ensemble_statistics import (
     LEVEL,
@@ -147,7 +148,11 @@ def rollout_answer(ensemble: Ensemble, horizon: float) -> dict[str, Any]:
         )
     rows.sort(key=lambda row: row[f"time_{PERCENT}"]["median"])
     likely = sorted(rows, key=lambda row: -row["true"])[:MOST_EVENTS]
-    ends = {name: np.array([_end(ensemble.rollouts[i], name) for i in completed]) for name in names}
+    ends = {}
+    for name in names:
+        places = np.array([_end(ensemble.rollouts[i], name) for i in completed])
+        far = [distance(ensemble.rollouts[i], [name], ensemble.fitted_until, horizon) for i in completed]
+        ends[name] = with_model_error(places, np.array(far)[:, None])
     return about | {
         "timeline": [row for row in rows if row in likely],
         "rows_left_out": len(rows) - len(likely),
@@ -178,7 +183,8 @@ def trajectory_answer(
 ) -> dict[str, Any]:
     """Median and interval over the members of one object's columns at some times, and of its motion in a few numbers.
 
-    timed: (time, frame) of each row. Members that do not reach a time are left out of it.
+    Places after the last fitted frame have the model's own error too. timed: (time, frame) of each row. Members that do
+    not reach a time are left out of it.
     """
     chosen = [key for key in columns if key not in ("time", "frame")]
     times = np.array([row[0] for row in timed])
@@ -194,7 +200,10 @@ def trajectory_answer(
         motions.append(readouts.motion(rollout, name, own))
         periods.append(readouts.periods_of(rollout, name, own) or {})
     table = np.stack(tables)  # (N, T, columns)
-    cells = [[_cell(table[:, t, c]) for c in range(len(chosen))] for t in range(len(times))]
+    since = ensemble.fitted_until
+    far = np.array([[distance(r, [name], since, max(t, since)) for t in times] for r in ensemble.rollouts])
+    spread = with_model_error(table, np.where(np.isin(chosen, ("x", "y", "z")), far[..., None], 0.0))
+    cells = [[_cell(spread[:, t, c]) for c in range(len(chosen))] for t in range(len(times))]
     about: dict[str, Any] = {
         "members": ensemble.size,
         "columns": ["time", "frame", *chosen],

@@ -1,9 +1,7 @@
 """How probable a member's answer is, given that predictions beyond the last fitted frame are off by more than members.
 
-Members differ by what the data leave open in the parameters of one model. That the model itself is not quite right
-(a slightly wrong rolling resistance, a contact that is met otherwise) shows after the data end and grows with the
-distance travelled; collisions multiply it, so its distribution has heavy tails (Kennedy & O'Hagan 2001 on model
-discrepancy).
+Members differ by what the data leave open in the parameters of one model, which is not quite right itself
+(`polyworld.estimation.model_error`).
 """
 
 from __future__ import annotations
@@ -15,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.probing.ensembles import Ensemble
+from polyworld.estimation.fit_settings import ModelSettings
+from polyworld.estimation.model_error import travelled
 from polyworld.probing.query import QueryResult
 from polyworld.trajectory import Rollout
 
@@ -25,13 +25,11 @@ Array = NDArray[np.float64]
 class PredictionErrorSettings:
     """Errors of predictions, chosen on questions of `tests.benchmarks.foresight` about clips of seeds 101 and 103.
 
-    place: half width of the distribution of a place's error, of the distance travelled since the last fitted frame.
     rest, other: probability that an answer about rest or speed, or another without a margin in metres (contact, order),
     is as good as chance there. When a body stops depends on the smallest forces. notable: difference of a probability
     from the share of members that is worth a reason: less is not printed.
     """
 
-    place: float = 0.04
     rest: float = 0.3
     other: float = 0.05
     notable: float = 0.01
@@ -55,7 +53,7 @@ def chances(ensemble: Ensemble, members: Sequence[int], results: Sequence[QueryR
             chance = SETTINGS.rest if result.margin_unit == "m/s" else SETTINGS.other
             found[row] = (1.0 - chance) * found[row] + 0.5 * chance
             continue
-        width = SETTINGS.place * distance(ensemble.rollouts[member], names, ensemble.fitted_until, decided_at)
+        width = ModelSettings().path * distance(ensemble.rollouts[member], names, ensemble.fitted_until, decided_at)
         if width > 0.0:
             found[row] = 0.5 + np.arctan(result.margin / width) / np.pi
     return found
@@ -67,8 +65,7 @@ def distance(rollout: Rollout, names: Sequence[str], start: float, end: float) -
     squares = 0.0
     for name in names:
         if name in trajectory.names:
-            steps = np.linalg.norm(np.diff(trajectory.positions[:, trajectory.index(name)], axis=0), axis=1)
-            path = np.concatenate([[0.0], np.cumsum(np.nan_to_num(steps))])
+            path = travelled(trajectory.positions[:, trajectory.index(name)])
             squares += float(np.diff(np.interp([start, end], trajectory.times, path))[0]) ** 2
     return float(np.sqrt(squares))
 

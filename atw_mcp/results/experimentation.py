@@ -95,18 +95,6 @@ class RolloutMade(Result):
     ensemble: EnsembleRollout | None = Field(default=None, description="only where it was asked for")
 
 
-class VariantMade(RolloutMade):
-    """One of several branches."""
-
-    summary: str
-
-
-class VariantsMade(Result):
-    """Data of Rollout with variants."""
-
-    variants: list[VariantMade] = Field(description="one for each, in order")
-
-
 class Events(Result):
     """Data of ReadEvents."""
 

@@ -22,7 +22,7 @@ from atw_mcp.observation.shape_reading import readout_schema, shape_rows
 from atw_mcp.probing import readouts
 from atw_mcp.probing.ensemble_answers import rollout_answer, rollout_in_words, trajectory_answer, trajectory_in_words
 from atw_mcp.probing.ensembles import EnsembleSize, compute_ensemble, lineage
-from atw_mcp.results.experimentation import Events, RolloutMade, Shape, Timeline, Trajectory, VariantsMade
+from atw_mcp.results.experimentation import Events, RolloutMade, Shape, Timeline, Trajectory
 from atw_mcp.worlds.rollout_cost import cost, size_in_words
 from atw_mcp.worlds.rollouts import (
     checked_horizon,
@@ -50,10 +50,6 @@ Objects = Annotated[list[str] | None, Field(description="names of objects; defau
 Edit = Annotated[Any, WithJsonSchema(flat_schema(Intervention, "action"))]
 READOUTS = readout_schema()
 Readout = Annotated[Any, WithJsonSchema(READOUTS)]
-# Written as `edits`, whose forms a list of tools has room for once.
-EditsOfOne = Annotated[
-    list[Annotated[Any, WithJsonSchema({"type": "object", "description": "as in edits"})]], Field(max_length=32)
-]
 Column = Literal[
     "time", "frame", "x", "y", "z", "vx", "vy", "vz", "speed", "yaw_deg", "u", "v",
     "ax", "ay", "az", "px", "py", "pz", "kinetic_energy", "potential_energy", "energy",
@@ -78,7 +74,7 @@ class _Plan:
         return size_in_words(self.world, self.horizon)
 
 
-@GROUP.tool("Rollout", title="Run a world forward", read_only=False, returns=RolloutMade | VariantsMade)
+@GROUP.tool("Rollout", title="Run a world forward", read_only=False, returns=RolloutMade)
 def roll_out(
     app: App,
     case: CaseId,
@@ -89,15 +85,6 @@ def roll_out(
             "continues the world as it was observed",
             max_length=32,
             examples=[[EDIT_EXAMPLE, {"action": "set_velocity", "object": "blue", "velocity": [1, 0, 0]}]],
-        ),
-    ] = None,
-    variants: Annotated[
-        list[EditsOfOne] | None,
-        Field(
-            description="several branches at once: a list of edits for each, [] for none. data.variants has the result "
-            "of each, in order, with its rollout id",
-            min_length=1,
-            max_length=8,
         ),
     ] = None,
     horizon_seconds: Annotated[
@@ -121,58 +108,41 @@ def roll_out(
     """
     found, committed = app.case_to_probe(case, "Rollout", None if world == "committed" else world)
     base = committed if world == "committed" else app.world(found, world)
-    if edits is not None and variants is not None:
-        raise ToolError("give edits for one branch or variants for several, not both")
     if horizon_seconds is not None and horizon_frames is not None:
         raise ToolError("give horizon_seconds or horizon_frames, not both")
-    lists = [edits or []] if variants is None else variants
-    plans = []
-    for number, given in enumerate(lists, start=1):
-        where = "" if variants is None else f"variant {number}, "
-        wanted = _edits(app, found, base, given, where)
-        with explained(f"InspectWorld(case={found.id!r}, world={base.id!r}) lists objects, statics and effects"):
-            check_additions(base, wanted, app.limits)
-            branched = branch(base, wanted)
-        seconds = horizon_seconds
-        if horizon_frames is not None:
-            seconds = horizon_frames * branched.time.seconds_per_frame
-        edited = tuple(edit.model_dump(mode="json", exclude_none=True) for edit in wanted)
-        with explained("Rollout with a shorter horizon"):
-            horizon = checked_horizon(branched, seconds, sample_seconds)
-            check_sizes(branched, app.limits, horizon)
-        plans.append(_Plan(branched, edited, horizon, sample_seconds))
-    for plan in plans:
-        if plan.world.id != base.id:
-            app.keep_world(found, plan.world, how="intervention", parent=base, detail={"edits": list(plan.edits)})
+    wanted = read_edits(app, found, base, edits or [], "")
+    with explained(f"InspectWorld(case={found.id!r}, world={base.id!r}) lists objects, statics and effects"):
+        check_additions(base, wanted, app.limits)
+        branched = branch(base, wanted)
+    seconds = horizon_seconds
+    if horizon_frames is not None:
+        seconds = horizon_frames * branched.time.seconds_per_frame
+    with explained("Rollout with a shorter horizon"):
+        horizon = checked_horizon(branched, seconds, sample_seconds)
+        check_sizes(branched, app.limits, horizon)
+    edited = tuple(edit.model_dump(mode="json", exclude_none=True) for edit in wanted)
+    plan = _Plan(branched, edited, horizon, sample_seconds)
+    if branched.id != base.id:
+        app.keep_world(found, branched, how="intervention", parent=base, detail={"edits": list(edited)})
     if ensemble is not None:
-        lineage(app, found, plans[0].world)  # refused before any work
-    if variants is None and ensemble is None:
-        known = find_rollout(app, plans[0].world, plans[0].horizon, sample_seconds)
+        lineage(app, found, branched)  # refused before any work
+    else:
+        known = find_rollout(app, branched, horizon, sample_seconds)
         if known is not None:
-            return _rollout_answer(found, base, plans[0].world, list(plans[0].edits), *known)
+            return _rollout_answer(found, base, branched, list(edited), *known)
 
     def work(progress: Progress) -> Answer:
-        answers = []
-        for number, plan in enumerate(plans):
+        return _run(app, found, base, plan, ensemble, lambda share, message: progress.report(share, 1.0, message))
 
-            def report(share: float, message: str, number: int = number) -> None:
-                progress.report(number + share, len(plans), message)
-
-            answers.append(_run(app, found, base, plan, ensemble, report))
-        return answers[0] if variants is None else _variants_answer(found, base, answers)
-
-    first = plans[0]
     draft = Answer(
-        summary=f"running {', '.join(plan.world.id for plan in plans)} for {first.horizon:g} s{first.size}",
+        summary=f"running {branched.id} for {horizon:g} s{plan.size}",
         data={},
         case=found.id,
-        world=first.world.id if variants is None else base.id,
-        objects=first.world.moving_names,
-        interval=(0.0, first.horizon),
+        world=branched.id,
+        objects=branched.moving_names,
+        interval=(0.0, horizon),
     )
-    named = " ".join(f"{plan.world.id} {plan.horizon!r}" for plan in plans)
-    one_or_more = "rollout" if variants is None else "rollouts"
-    return LongWork(f"{one_or_more} {named} {sample_seconds!r} {ensemble}", work, draft, PATIENCE)
+    return LongWork(f"rollout {branched.id} {horizon!r} {sample_seconds!r} {ensemble}", work, draft, PATIENCE)
 
 
 def _run(
@@ -209,21 +179,7 @@ def _run(
     return replace(answer, summary=summary, data={**answer.data, "ensemble": about})
 
 
-def _variants_answer(case: Case, base: World, answers: list[Answer]) -> Answer:
-    """Several branches as one answer: each with its own rollout id."""
-    return Answer(
-        summary=f"{len(answers)} branches of {base.id}. "
-        + " ".join(f"{i + 1}. {a.summary}" for i, a in enumerate(answers)),
-        data={"variants": [{**answer.data, "summary": answer.summary} for answer in answers]},
-        case=case.id,
-        world=base.id,
-        objects=tuple(dict.fromkeys(name for answer in answers for name in answer.objects)),
-        interval=(0.0, max(answer.interval[1] for answer in answers if answer.interval is not None)),
-        status=next((answer.status for answer in answers if answer.status != "completed"), "completed"),
-    )
-
-
-def _edits(app: App, case: Case, base: World, given: list[Any], where: str) -> list[Intervention]:
+def read_edits(app: App, case: Case, base: World, given: list[Any], where: str) -> list[Intervention]:
     """Edits of `base` as exact types; what one adds, the later ones may name."""
     wanted: list[Intervention] = []
     added: set[str] = set()

@@ -28,6 +28,7 @@ MODULES = (
     "commitment",
     "inspection",
     "looking",
+    "asking",
     "experimentation",
     "querying",
     "control",

@@ -110,7 +110,7 @@ def query_world(
     if (predicate is None) == (predicates is None):
         raise ToolError("give predicate, or predicates for several at once")
     statements = [
-        _statement(app, case, world, item, "predicate" if predicates is None else f"predicate {number}")
+        read_statement(app, case, world, item, "predicate" if predicates is None else f"predicate {number}")
         for number, item in enumerate([predicate] if predicates is None else predicates, start=1)
     ]
     question = _Question(aggregation, interval, frames)
@@ -142,7 +142,7 @@ def query_world(
     )
 
 
-def _statement(app: App, case: Case, world: World, given: Any, what: str) -> Predicate:
+def read_statement(app: App, case: Case, world: World, given: Any, what: str) -> Predicate:
     statement = tagged(given, Predicate, "predicate", what=what, example=STATEMENT_EXAMPLE)
     read: Predicate = read_form(with_own_names(app, case, world, statement), Predicate, "predicate", what=what)
     both = [getattr(read, side, None) for side in ("a", "b")]

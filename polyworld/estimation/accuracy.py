@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.tracks import ObservedTracks, without_spread
+from polyworld.estimation.model_error import with_model_error
 from polyworld.estimation.problem import Block
 from polyworld.estimation.readout import CHANNELS, RunReadout, sample_times, tracks_readout
 from polyworld.estimation.study import StudyRun
@@ -141,7 +142,8 @@ DECIDES = 0.3  # part of the spread that one constant explains, from which on it
 class BodyPrediction:
     """One body. error: root mean square distance [m] to the frames that were left out, of the median prediction; last:
     at the last of them; stays: the same error of a body that stays where it was last seen; noise [m]: of a distance.
-    spread: half the width of 80% intervals [m] at the cut and 0.5 and 1 s after the last frame, the wider axis.
+    spread: half the width of 80% intervals [m] at the cut and 0.5 and 1 s after the last frame, the wider axis, the
+    model's own error included.
     decided_by: constants that explain most of the last spread, and which part of it."""
 
     object: str
@@ -204,7 +206,8 @@ def predicted(
         places = places - (places @ normal)[..., None] * normal
         seen = tracks.confidence[:, theirs] > 0.0
         middle = np.median(places, axis=0)
-        low, high = np.quantile(places, CENTRAL, axis=0)
+        apart = np.linalg.norm(places - places[:, :1], axis=-1, keepdims=True)
+        low, high = np.quantile(with_model_error(places, apart), CENTRAL, axis=0)
         spread = tuple(float((high[k] - low[k]).max() / 2.0) for k in (0, -2, -1))
         decided = _decided(places[:, -1], {name: values[kept] for name, values in shared.items()})
         noise = float(sigma[theirs] * np.sqrt(2.0 if run.world.planar else 3.0))
@@ -214,7 +217,7 @@ def predicted(
         measured = tracks.positions[:, theirs]
         measured = measured - (measured @ normal)[:, None] * normal
         rows = np.flatnonzero(seen)
-        apart = np.linalg.norm(middle[rows] - measured[rows], axis=1)
+        missed = np.linalg.norm(middle[rows] - measured[rows], axis=1)
         earlier = run.tracks.window(int(run.tracks.frames[0]), cut - 1)
         there = np.flatnonzero(earlier.confidence[:, theirs] > 0.0)
         last = earlier.positions[there[-1], theirs] if len(there) else np.full(3, np.nan)
@@ -226,7 +229,7 @@ def predicted(
         inside.append(held[:, axes].ravel())
         bodies.append(
             BodyPrediction(
-                item.name, float(np.sqrt(np.mean(apart**2))), float(apart[-1]), stays, noise, spread, decided
+                item.name, float(np.sqrt(np.mean(missed**2))), float(missed[-1]), stays, noise, spread, decided
             )
         )
     if not bodies:

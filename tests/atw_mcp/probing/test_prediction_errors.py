@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from scipy.stats import cauchy
 
-from atw_mcp.probing.ensemble_answers import query_answer, query_in_words, together
+from atw_mcp.calls.intervals import Span
+from atw_mcp.probing.ensemble_answers import query_answer, query_in_words, together, trajectory_answer
 from atw_mcp.probing.ensembles import Ensemble
 from atw_mcp.probing.prediction_errors import SETTINGS, chances, distance
+from polyworld.estimation.fit_settings import ModelSettings
 from polyworld.probing.predicates import AtRest, InsideRegion
 from polyworld.probing.query import QueryResult, query
 from polyworld.solver.rollout import rollout
@@ -43,7 +45,17 @@ def test_a_place_is_as_probable_as_its_margin_beside_the_distance_travelled(memb
     time = 1.5
     result = past(members, SPEED * time - by, time)
     (found,) = chances(members, [0], [result], ["ball"])
-    assert found == pytest.approx(cauchy.cdf(by, scale=SETTINGS.place * SPEED * (time - UNTIL)), rel=1e-6)
+    assert found == pytest.approx(cauchy.cdf(by, scale=ModelSettings().path * SPEED * (time - UNTIL)), rel=1e-6)
+
+
+def test_a_place_is_the_less_sure_the_farther_it_is_from_the_last_fitted_frame(members: Ensemble) -> None:
+    about = trajectory_answer(members, "ball", Span(0.0, END, 0.04), ["time", "x", "speed"], [(0.4, 10), (1.5, 38)])
+    (_, _, early, _), (_, _, late, speed) = about["rows"]
+    half = ModelSettings().path * SPEED * (1.5 - UNTIL)
+    assert early[2] - early[1] == pytest.approx(0.0, abs=1e-9)  # all members go alike
+    assert late[0] == pytest.approx(1.5 * SPEED, rel=1e-3)
+    assert late[2] - late[0] == pytest.approx(cauchy.ppf(0.95, scale=half), rel=0.15)
+    assert speed[2] - speed[1] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_what_is_decided_within_the_fitted_frames_is_as_sure_as_the_members(members: Ensemble) -> None:

@@ -116,7 +116,6 @@ def test_it_reads_a_whole_session(session: Session, client: ModuleType, tmp_path
     pushed = read("Rollout", case=case, horizon_seconds=1.0, edits=[push])
     assert pushed.data.edits[0].velocity == [0.0, -1.0, 0.0]
     base, edited = first.source.rollout, pushed.source.rollout
-    read("Rollout", case=case, variants=[[], [push]], horizon_seconds=1.0)
     read("ReadEvents", rollout=base, floor=True)
     read("ReadTimeline", rollout=base)
     motion = read("ReadTrajectory", rollout=base, object="puck", limit=4).data

@@ -17,7 +17,7 @@ NAMES = {
     "ModelVideo", "RunModel",
     "FindDiscrepancy", "ProposeEffects", "AddEffect",
     "InspectWorld", "ReadProperty", "InspectFrames", "InspectObservedMotion", "InspectRollout",
-    "Rollout", "ReadEvents", "ReadTrajectory", "ReadTimeline", "QueryWorld", "CompareWorlds",
+    "Ask", "Rollout", "ReadEvents", "ReadTrajectory", "ReadTimeline", "QueryWorld", "CompareWorlds",
     "DescribeTool", "ReadEvidence", "UpdateBindings", "Finish",
 }  # fmt: skip
 PICTURES = {"InspectFrames", "InspectRollout", "ReadEvidence", "FindDiscrepancy", "AddEffect"}

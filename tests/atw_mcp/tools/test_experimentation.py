@@ -139,18 +139,6 @@ def test_query_covers_the_stretch_in_which_a_late_object_takes_part(app: App, ro
     assert "'third' joins at 0.5 s. Asked over [0.5, 1] it is false" in early["reason"]
 
 
-def test_several_branches_run_in_one_call(app: App, roll: Callable[..., Answer]) -> None:
-    slow = [{"action": "scale_velocity", "object": "striker", "factor": 0.5}]
-    answer = roll(variants=[[], [ALONE], slow])
-    rows = answer.data["variants"]
-    assert [row["edits"] for row in rows] == [[], [ALONE], slow]
-    assert [len(row["timeline"]) for row in rows][:2] == [len(roll().data["timeline"]), 0]
-    ends = [{row["object"]: row["end"][0] for row in branch["objects"]}["striker"] for branch in rows]
-    assert ends == pytest.approx([GAP, SPEED * END, 0.5 * SPEED * END], abs=0.005)
-    assert ask(app, rows[1]["rollout"], {"predicate": "moving", "object": "striker"})["verdict"] == "true"
-    assert answer.rollout is None
-
-
 def test_an_edit_may_name_what_an_earlier_one_added(roll: Callable[..., Answer]) -> None:
     moved = {"action": "move", "object": "third", "position": [0.0, 3.0, 0.05]}
     branch = roll([{"action": "add", "object": THIRD}, moved])
@@ -276,11 +264,6 @@ def test_a_truncated_rollout_says_why_and_nothing_is_known_after_it(app: App) ->
         (lambda app, _: tools.read_trajectory(app, "rollout-0000", "striker"), "Next: Rollout"),
         (lambda app, _: tools.roll_out(app, "discs", horizon_seconds=1e9), "at most 400 s"),
         (lambda app, _: tools.roll_out(app, "discs", horizon_seconds=1.0, horizon_frames=5), "not both"),
-        (lambda app, _: tools.roll_out(app, "discs", edits=[], variants=[[]]), "not both"),
-        (
-            lambda app, _: tools.roll_out(app, "discs", variants=[[], [{"action": "remove"}]]),
-            "variant 2, edit 1: remove",
-        ),
         (lambda app, _: tools.roll_out(app, "discs", world="world-0"), "its worlds"),
         (lambda app, _: tools.roll_out(app, "disks"), "no case 'disks'"),
         (

@@ -1,0 +1,290 @@
+"""Questions that are asked of a world, or of a changed copy of it, and what the members of its ensemble answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from atw_mcp.probing.ensemble_answers import query_answer
+from atw_mcp.probing.ensembles import Ensemble
+from atw_mcp.probing.prediction_errors import distance
+from polyworld.estimation.model_error import with_model_error
+from polyworld.probing.ensemble_statistics import decisive_split, relations, varying
+from polyworld.probing.predicates import Predicate, names_in
+from polyworld.probing.query import Aggregation, QueryResult, query
+from polyworld.trajectory import Rollout
+from polyworld.world import World
+
+Array = NDArray[np.float64]
+LEVELS = {"80%": (10.0, 90.0), "95%": (2.5, 97.5)}
+AGGREGATIONS: dict[str, Aggregation] = {"whether": "any", "when": "first", "how_often": "count"}
+UNITS = {"when": "s", "how_often": "times", "how_fast": "m/s", "how_far": "m"}
+
+
+class _Asked(BaseModel):
+    """What every question may have."""
+
+    model_config = ConfigDict(extra="forbid")
+    ask: str
+    edits: list[dict[str, Any]] = Field(
+        default=[], max_length=32, description="as edits of Rollout, made before the start"
+    )
+
+
+class _Stated(_Asked):
+    predicate: dict[str, Any] = Field(description="a statement as predicate of QueryWorld")
+    interval: list[float] | None = Field(
+        default=None, min_length=2, max_length=2, description="start, end [s]; default: all that is run"
+    )
+
+
+class Whether(_Stated):
+    """How probable it is that the statement holds at some time."""
+
+    ask: Literal["whether"] = "whether"
+
+
+class When(_Stated):
+    """When the statement holds first."""
+
+    ask: Literal["when"] = "when"
+
+
+class HowOften(_Stated):
+    """How many times the statement begins to hold."""
+
+    ask: Literal["how_often"] = "how_often"
+
+
+class WhichFirst(_Asked):
+    """Which of the statements holds first."""
+
+    ask: Literal["which_first"] = "which_first"
+    predicates: list[dict[str, Any]] = Field(
+        min_length=2, max_length=8, description="statements as predicate of QueryWorld"
+    )
+
+
+class _Of(_Asked):
+    object: str = Field(min_length=1, description="name")
+    at: float | None = Field(default=None, ge=0.0, description="time [s]; default: the end of what is run")
+
+
+class Where(_Of):
+    """Where the object's centre is at a time."""
+
+    ask: Literal["where"] = "where"
+
+
+class HowFast(_Of):
+    """How fast the object's centre moves at a time."""
+
+    ask: Literal["how_fast"] = "how_fast"
+
+
+class HowFar(_Of):
+    """How far the object's centre is at a time from where it began, or from the centre of another object."""
+
+    ask: Literal["how_far"] = "how_far"
+    to: str | None = Field(default=None, description="another object")
+
+
+Question = Annotated[
+    Whether | When | HowOften | WhichFirst | Where | HowFast | HowFar,
+    Field(discriminator="ask"),
+]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A question whose names and statements have been read. statements: of those that have any."""
+
+    question: Any
+    statements: tuple[Predicate, ...]
+
+    @property
+    def latest(self) -> float:
+        """Latest time [s] that it names, 0 where it names none."""
+        if isinstance(self.question, _Of):
+            return self.question.at or 0.0
+        interval = getattr(self.question, "interval", None)
+        return 0.0 if interval is None else float(interval[1])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Objects that it is about."""
+        q = self.question
+        if isinstance(q, _Of):
+            return (q.object, q.to) if isinstance(q, HowFar) and q.to is not None else (q.object,)
+        return tuple(dict.fromkeys(name for s in self.statements for name in names_in(s)))
+
+    def in_words(self, until: float) -> str:
+        """Return the question in words."""
+        q = self.question
+        if isinstance(q, _Of):
+            end = f" {q.to}" if isinstance(q, HowFar) and q.to is not None else ""
+            return f"{q.ask} {q.object}{' from' * bool(end)}{end} at {until if q.at is None else q.at:.4g} s"
+        stated = " or ".join(_worded(s) for s in self.statements)
+        interval = getattr(q, "interval", None)
+        return f"{q.ask} {stated}" + ("" if interval is None else f" in {interval[0]:.4g} to {interval[1]:.4g} s")
+
+
+def answered(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> dict[str, Any]:
+    """Return what the members say to a question, and the best fit alone: fields of `AnswerToOne` that its kind has."""
+    if isinstance(asked.question, WhichFirst):
+        return _which_first(asked, ensemble, best, world)
+    if isinstance(asked.question, _Stated):
+        return _stated(asked, ensemble, best, world)
+    return _measured(asked, ensemble, best, world)
+
+
+def likely(values: Array) -> dict[str, Any]:
+    """Return median, 80 and 95% intervals of a sample (n,)."""
+    spread = {level: [float(v) for v in np.percentile(values, ends)] for level, ends in LEVELS.items()}
+    return {"median": float(np.median(values)), **spread}
+
+
+def _query(asked: Asked, rollout: Rollout, world: World, statement: Predicate) -> QueryResult:
+    interval = getattr(asked.question, "interval", None)
+    span = None if interval is None else (float(interval[0]), float(interval[1]))
+    return query(rollout, world, statement, span, AGGREGATIONS.get(asked.question.ask, "first"))
+
+
+def _each(ensemble: Ensemble, ask: Callable[[Rollout, World], QueryResult]) -> list[QueryResult]:
+    return [ask(rollout, world) for rollout, world in zip(ensemble.rollouts, ensemble.worlds, strict=True)]
+
+
+def _stated(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> dict[str, Any]:
+    (statement,), kind = asked.statements, asked.question.ask
+    alone = _query(asked, best, world, statement)
+    rows = _each(ensemble, lambda rollout, own: _query(asked, rollout, own, statement))
+    about = query_answer(ensemble, rows, AGGREGATIONS[kind], names_in(statement))
+    found: dict[str, Any] = {"members": ensemble.size - about["unknown"], "unknown": about["unknown"]}
+    found["best_fit"] = alone.value if alone.decided else None
+    if "reason" in about:
+        return found | {"reason": about["reason"]}
+    if kind == "whether":
+        found |= {"probability": about["probability"], "decided_by": about["decided_by"]}
+        found |= {"goes_with": about.get("margin_goes_with"), "less_sure_because": about.get("less_sure_because")}
+        return found
+    values = np.array([np.nan if r.value is None else float(r.value) for r in rows if r.decided])
+    known = np.isfinite(values)
+    found |= {"unit": UNITS[kind], "goes_with": about.get("goes_with")}
+    if kind == "when":
+        found |= {"never": float(1.0 - known.mean()), "decided_by": about.get("occurrence_decided_by")}
+    if known.any():
+        found["value"] = likely(values[known])
+    return found
+
+
+def _which_first(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> dict[str, Any]:
+    labels = _labels(asked.statements)
+
+    def first(rollout: Rollout, own: World) -> str | None:
+        rows = [_query(asked, rollout, own, s) for s in asked.statements]
+        if not all(r.decided for r in rows):
+            return None
+        times = [np.inf if r.value is None else float(r.value) for r in rows]
+        return "none" if np.isinf(min(times)) else labels[int(np.argmin(times))]
+
+    said = [first(r, w) for r, w in zip(ensemble.rollouts, ensemble.worlds, strict=True)]
+    known = [i for i, label in enumerate(said) if label is not None]
+    found: dict[str, Any] = {"members": len(known), "unknown": ensemble.size - len(known)}
+    found["best_fit"] = first(best, world)
+    if not known:
+        return found | {"reason": "in every member one of the statements is unknown"}
+    shares = {label: sum(said[i] == label for i in known) / len(known) for label in (*labels, "none")}
+    shares = {label: share for label, share in shares.items() if share > 0.0}
+    likeliest = max(shares, key=lambda label: shares[label])
+    split = decisive_split(varying(ensemble.parameters, known), np.array([said[i] == likeliest for i in known]))
+    return found | {"probabilities": shares, "decided_by": None if split is None else split.to_dict()}
+
+
+def _labels(statements: Sequence[Predicate]) -> list[str]:
+    return [f"{i}. {_worded(s)}" for i, s in enumerate(statements, start=1)]
+
+
+def _worded(statement: Predicate) -> str:
+    """Return a statement in words: its name, its objects, and what else was given."""
+    given = statement.model_dump(exclude_defaults=True, exclude={"predicate", "object", "a", "b"})
+    return " ".join([statement.predicate, *names_in(statement), *(f"{k}={v}" for k, v in given.items())])
+
+
+def _measured(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> dict[str, Any]:
+    q = asked.question
+    alone = _state(q, best, world)
+    states = np.array([_state(q, r, w) for r, w in zip(ensemble.rollouts, ensemble.worlds, strict=True)])
+    known = np.flatnonzero(np.isfinite(states).all(axis=1))
+    found: dict[str, Any] = {"members": len(known), "unknown": ensemble.size - len(known)}
+    one = len(alone) == 1
+    found["best_fit"] = None if not np.isfinite(alone).all() else float(alone[0]) if one else [float(v) for v in alone]
+    if not len(known):
+        end = float(best.trajectory.times[-1]) if len(best.trajectory.times) else 0.0
+        return found | {"reason": f"{q.object} is not there at that time in any member; they were run to {end:.4g} s"}
+    parameters = varying(ensemble.parameters, known)
+    far = np.array([_travelled(q, ensemble, int(i)) for i in known])[:, None]
+    values = states[known]
+    if q.ask == "how_fast":
+        return found | {
+            "unit": UNITS[q.ask],
+            "value": likely(values[:, 0]),
+            "goes_with": [r.to_dict() for r in relations(parameters, values[:, 0])],
+        }
+    spread = with_model_error(values, far)
+    if q.ask == "how_far":
+        return found | {
+            "unit": UNITS[q.ask],
+            "value": likely(np.abs(spread[:, 0])),
+            "goes_with": [r.to_dict() for r in relations(parameters, values[:, 0])],
+        }
+    found |= {"unit": "m", "place": {axis: likely(spread[:, i]) for i, axis in enumerate("xyz")}}
+    if world.camera is not None:
+        pixels = world.camera.project(spread)
+        pixels = pixels[np.isfinite(pixels).all(axis=1)]
+        if len(pixels):
+            found["place"] |= {axis: likely(pixels[:, i]) for i, axis in enumerate("uv")}
+    widest = int(np.argmax(np.ptp(np.percentile(values, (10, 90), axis=0), axis=0)))
+    found["goes_with"] = [r.to_dict() for r in relations(parameters, values[:, widest])]
+    return found
+
+
+def _state(q: Any, rollout: Rollout, world: World) -> Array:
+    """Return place (3,), speed (1,) or distance (1,) of a member at the time asked for; NaN where there is none."""
+    trajectory = rollout.trajectory
+    width = 3 if q.ask == "where" else 1
+    if q.object not in trajectory.names or not len(trajectory.times):
+        return np.full(width, np.nan)
+    time = float(trajectory.times[-1]) if q.at is None else q.at
+    starts = {o.name: float(getattr(o, "start_time", 0.0)) for o in (*world.objects, *world.deformables)}
+    begins = max(starts.get(name, 0.0) for name in (q.object, getattr(q, "to", None) or q.object))
+    if not begins - 1e-9 <= time <= float(trajectory.times[-1]) + 1e-9:
+        return np.full(width, np.nan)
+    own = _at(trajectory.times, trajectory.positions[:, trajectory.index(q.object)], time)
+    if q.ask == "where":
+        return own
+    if q.ask == "how_fast":
+        speed = _at(trajectory.times, trajectory.velocities[:, trajectory.index(q.object)], time)
+        return np.array([np.linalg.norm(speed)])
+    if q.to is None:
+        there = _at(trajectory.times, trajectory.positions[:, trajectory.index(q.object)], starts.get(q.object, 0.0))
+    elif q.to in trajectory.names:
+        there = _at(trajectory.times, trajectory.positions[:, trajectory.index(q.to)], time)
+    else:
+        there = np.asarray(next((s.position for s in world.statics if s.name == q.to), (np.nan,) * 3), dtype=float)
+    return np.array([np.linalg.norm(own - there)])
+
+
+def _travelled(q: Any, ensemble: Ensemble, member: int) -> float:
+    rollout = ensemble.rollouts[member]
+    end = float(rollout.trajectory.times[-1]) if q.at is None else q.at
+    names = [name for name in (q.object, getattr(q, "to", None)) if name is not None]
+    return distance(rollout, names, ensemble.fitted_until, max(end, ensemble.fitted_until))
+
+
+def _at(times: Array, values: Array, time: float) -> Array:
+    return np.array([np.interp(time, times, values[:, axis]) for axis in range(values.shape[1])])

@@ -1,0 +1,276 @@
+"""World experimentation, third part: a list of questions in one call."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from mcp.server.mcpserver.exceptions import ToolError
+from pydantic import Field, WithJsonSchema
+
+from atw_mcp.calls.app import App
+from atw_mcp.calls.flat_unions import flat_schema
+from atw_mcp.calls.forms import read_form, tagged
+from atw_mcp.calls.jobs import LongWork, Progress
+from atw_mcp.calls.names import object_name
+from atw_mcp.calls.results import Answer, explained
+from atw_mcp.calls.toolbox import ToolGroup
+from atw_mcp.probing.asking import AGGREGATIONS, Asked, HowFar, Question, answered
+from atw_mcp.probing.ensembles import LEAST, MEMBERS, Ensemble, compute_ensemble, lineage
+from atw_mcp.results.asking import AnswersToAll
+from atw_mcp.tools.experimentation import PATIENCE, CaseId, read_edits
+from atw_mcp.tools.querying import read_statement
+from atw_mcp.worlds.rollouts import checked_horizon, compute_rollout, evidence_status
+from atw_mcp.worlds.sizes import check_additions, check_sizes
+from evidence_store import Case
+from polyworld.edits.interventions import branch
+from polyworld.trajectory import Rollout
+from polyworld.world import World
+
+GROUP = ToolGroup("world experimentation")
+
+QUESTIONS = flat_schema(Question, "ask")
+One = Annotated[Any, WithJsonSchema(QUESTIONS)]
+EXAMPLE = {
+    "ask": "whether",
+    "predicate": {"predicate": "collides", "a": "red", "b": "blue"},
+    "edits": [{"action": "remove", "object": "green"}],
+}
+SHOWN_RELATIONS = 2  # in words: the strongest
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """A changed copy of the world, and the numbers of the questions that are asked of it."""
+
+    world: World
+    edits: tuple[dict[str, Any], ...]
+    numbers: tuple[int, ...]
+
+
+@GROUP.tool("Ask", title="Ask a list of questions", read_only=False, returns=AnswersToAll)
+def ask(
+    app: App,
+    case: CaseId,
+    questions: Annotated[
+        list[One],
+        Field(
+            description="each with what is asked and, for what would happen otherwise, edits. "
+            + QUESTIONS["description"],
+            min_length=1,
+            max_length=16,
+            examples=[[EXAMPLE, {"ask": "where", "object": "red", "at": 2.0}]],
+        ),
+    ],
+    horizon_seconds: Annotated[
+        float | None,
+        Field(
+            description="time to run to, from 0 [s]; default: the latest time that a question names, at least to the "
+            "last observed frame",
+            gt=0,
+        ),
+    ] = None,
+    world: Annotated[str, Field(description="'committed', or the id of a branch of it")] = "committed",
+    members: Annotated[
+        int, Field(ge=LEAST, le=MEMBERS, description="worlds that the data allow to ask, besides the best fit")
+    ] = MEMBERS,
+) -> LongWork:
+    """Answer several questions at once: whether, when, how often, which first, where, how fast, how far, each of the
+    world as it is or with edits made before the start. Worlds with equal edits are run once. Every question is asked of
+    the best fit and of 64 worlds that the data allow: a probability, or a median with 80 and 95% intervals that include
+    the model's own error, the parameter that decides the answer or that it goes with, and whether any frame shows that
+    parameter. Each answer is evidence of its own and names the rollout to look at closer with ReadEvents,
+    ReadTrajectory, QueryWorld, CompareWorlds and InspectRollout."""
+    found, committed = app.case_to_probe(case, "Ask", None if world == "committed" else world)
+    base = committed if world == "committed" else app.world(found, world)
+    lineage(app, found, base)  # refused before any work
+    read: list[Asked] = []
+    plans: dict[str, _Plan] = {}
+    for number, given in enumerate(questions, start=1):
+        what = f"question {number}"
+        try:
+            branched, edits, one = _read(app, found, base, given, what)
+        except ToolError as error:
+            said = str(error)
+            raise ToolError(said if said.startswith(what) else f"{what}: {said}") from error
+        read.append(one)
+        key = json.dumps(edits, sort_keys=True)
+        numbers = plans[key].numbers if key in plans else ()
+        plans[key] = _Plan(branched, edits, (*numbers, number - 1))
+    observed = (base.time.frame_count - 1) * base.time.seconds_per_frame
+    wanted = horizon_seconds or max([observed, *(one.latest for one in read)]) or None
+    late = [i for i, one in enumerate(read, start=1) if wanted is not None and one.latest > wanted + 1e-9]
+    if late:
+        raise ToolError(f"question {late[0]} asks for {read[late[0] - 1].latest:g} s, after horizon_seconds {wanted:g}")
+    for plan in plans.values():
+        with explained("Ask with a shorter horizon"):
+            horizon = checked_horizon(plan.world, wanted)
+            check_sizes(plan.world, app.limits, horizon)
+        if plan.world.id != base.id:
+            app.keep_world(found, plan.world, how="intervention", parent=base, detail={"edits": list(plan.edits)})
+
+    def work(progress: Progress) -> Answer:
+        rows: dict[int, dict[str, Any]] = {}
+        for done, plan in enumerate(plans.values()):
+            message = f"running {members} worlds for {horizon:g} s, {done + 1} of {len(plans)}"
+
+            def report(share: float, done: int = done, message: str = message) -> None:
+                progress.report(done + share, len(plans), message)
+
+            report(0.0)
+            with explained():
+                rollout, best = compute_rollout(app, plan.world, horizon)
+                ensemble = compute_ensemble(app, found, plan.world, horizon, None, members, report)
+                for i in plan.numbers:
+                    rows[i] = _answer(app, found, plan, rollout, best, read[i], ensemble, questions[i])
+        return _together(found, base, [rows[i] for i in range(len(read))], members, horizon, observed)
+
+    return LongWork(
+        f"ask {base.id} {horizon} {members} {json.dumps(questions, sort_keys=True, default=str)}",
+        work,
+        Answer(
+            summary=f"asking {len(read)} questions of {members} worlds over {horizon:g} s, {len(plans)} sets of edits",
+            data={},
+            case=found.id,
+            world=base.id,
+            interval=(0.0, horizon),
+        ),
+        PATIENCE,
+    )
+
+
+def _read(app: App, case: Case, base: World, given: Any, what: str) -> tuple[World, tuple[dict[str, Any], ...], Asked]:
+    """Return the world that a question is asked of, its edits, and the question with the world's own names."""
+    question = read_form(tagged(given, Question, "ask", what=what, example=EXAMPLE), Question, "ask", what=what)
+    edits = read_edits(app, case, base, question.edits, f"{what}, ")
+    with explained(f"InspectWorld(case={case.id!r}, world={base.id!r}) lists objects, statics and effects"):
+        check_additions(base, edits, app.limits)
+        branched = branch(base, edits)
+    given_statements = (
+        question.predicates
+        if hasattr(question, "predicates")
+        else [question.predicate]
+        if question.ask in AGGREGATIONS
+        else []
+    )
+    statements = tuple(read_statement(app, case, branched, item, f"{what}, predicate") for item in given_statements)
+    if hasattr(question, "object"):
+        changed = {"object": object_name(app, case, question.object, list(branched.moving_names))}
+        if isinstance(question, HowFar) and question.to is not None:
+            known = [*branched.moving_names, *(s.name for s in branched.statics)]
+            changed["to"] = object_name(app, case, question.to, known)
+        question = question.model_copy(update=changed)
+    interval = getattr(question, "interval", None)
+    if interval is not None and interval[0] > interval[1]:
+        raise ToolError(f"{what}: interval is start, end with start <= end, got {interval}")
+    documents = tuple(edit.model_dump(mode="json", exclude_none=True) for edit in edits)
+    return branched, documents, Asked(question, statements)
+
+
+def _answer(
+    app: App,
+    case: Case,
+    plan: _Plan,
+    rollout: str,
+    best: Rollout,
+    asked: Asked,
+    ensemble: Ensemble,
+    given: Any,
+) -> dict[str, Any]:
+    """Answer one question and record it as evidence of its own."""
+    about = answered(asked, ensemble, best, plan.world)
+    unseen = {name.removeprefix("objects.") for name in lineage(app, case, plan.world).sample.document["from_bounds"]}
+    named = [about["decided_by"]["parameter"]] if about.get("decided_by") else []
+    named += [row["parameter"] for row in about.get("goes_with") or []]
+    row: dict[str, Any] = {"question": _with_edits(plan, asked.in_words(best.horizon))}
+    row |= {"answer": _in_words(about, named, unseen), "rollout": rollout, "edits": list(plan.edits) or None, **about}
+    row["from_prior"] = [name for name in dict.fromkeys(named) if name in unseen] or None
+    row = {k: v for k, v in row.items() if k != "reason" and (k in ("best_fit", "unknown") or v not in (None, []))}
+    record = app.store.evidence.add(
+        Answer(
+            summary=f"{row['question']}: {row['answer']}",
+            data=row,
+            case=case.id,
+            world=plan.world.id,
+            rollout=rollout,
+            objects=asked.names,
+            interval=(0.0, best.horizon),
+            status=evidence_status(best),
+        ).to_evidence("Ask", {"case": case.id, "questions": [given]})
+    )
+    return {**row, "evidence": record.id}
+
+
+def _with_edits(plan: _Plan, question: str) -> str:
+    if not plan.edits:
+        return question
+    made = [" ".join(str(edit[k]) for k in ("action", "object", "name") if k in edit) for edit in plan.edits]
+    return f"with {', '.join(made)}: {question}"
+
+
+def _in_words(about: dict[str, Any], named: list[str], unseen: set[str]) -> str:
+    if "reason" in about:
+        return f"unknown: {about['reason']}"
+    if "probability" in about:
+        text = f"probability {about['probability']:.2g}"
+    elif "probabilities" in about:
+        shares = sorted(about["probabilities"].items(), key=lambda item: -item[1])
+        text = ", ".join(f"{label}: {share:.2g}" for label, share in shares)
+    elif "place" in about:
+        text = ", ".join(f"{axis} {_spread(about['place'][axis])}" for axis in "xyz") + " m, with 80% intervals"
+    elif "value" in about:
+        text = f"{_spread(about['value'])} {about['unit']}, with its 80% interval"
+        text += f", never with probability {about['never']:.2g}" if about.get("never") else ""
+    else:
+        text = "never, in any member"
+    if about["unknown"]:
+        text += f"; unknown in {about['unknown']} of {about['members'] + about['unknown']} members"
+    if about.get("less_sure_because"):
+        text += f"; no surer because {about['less_sure_because']}"
+    split = about.get("decided_by")
+    if split:
+        text += f"; decided by {split['parameter']}: true {split['true_where']} {split['threshold']:.3g}"
+    elif named:
+        text += f"; goes with {', '.join(named[:SHOWN_RELATIONS])}"
+    prior = [name for name in named[: 1 if split else SHOWN_RELATIONS] if name in unseen]
+    return text + (f" ({', '.join(prior)}: no frame shows it, taken from its prior)" if prior else "")
+
+
+def _spread(about: dict[str, Any]) -> str:
+    narrow = _narrow(about)
+    low, high = narrow["80%"]
+    return f"{narrow['median']:g} ({low:g} to {high:g})"
+
+
+def _together(
+    case: Case, base: World, rows: list[dict[str, Any]], members: int, horizon: float, observed: float
+) -> Answer:
+    whole = {"members": members, "until": horizon, "observed_until": observed}
+    return Answer(
+        summary=f"{len(rows)} answers of {members} worlds that the data allow, run to {horizon:.4g} s",
+        data={"answers": rows, **whole},
+        shown={"answers": [_brief(row) for row in rows], **whole},
+        case=case.id,
+        world=base.id,
+        interval=(0.0, horizon),
+    )
+
+
+def _brief(row: dict[str, Any]) -> dict[str, Any]:
+    """Return an answer without what its own record repeats: the answer in words, and its numbers."""
+    brief = {name: row[name] for name in ("question", "answer", "evidence", "rollout")}
+    brief |= {name: row[name] for name in ("probability", "probabilities", "never", "unit") if name in row}
+    if "value" in row:
+        brief["value"] = _narrow(row["value"])
+    if "place" in row:
+        brief["place"] = {axis: _narrow(spread) for axis, spread in row["place"].items()}
+    return brief
+
+
+def _narrow(spread: dict[str, Any]) -> dict[str, Any]:
+    """Return median and 80% interval to the digits that its width allows."""
+    low, high = spread["80%"]
+    digits = max(0, 2 - math.floor(math.log10(high - low))) if high > low else 4
+    return {"median": round(spread["median"], digits), "80%": [round(low, digits), round(high, digits)]}

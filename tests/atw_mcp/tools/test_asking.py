@@ -1,0 +1,132 @@
+"""Ask, on two blocks that slide to rest: where they stop and whether they meet is known in closed form."""
+
+from __future__ import annotations
+
+import csv
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.atw_mcp.session import Session
+from tests.polyworld.sliding_block import block_places, stopping_distance
+
+FRICTION, SPEED, SIGMA, FRAMES, HALF = 0.2, 1.0, 0.002, 20, 0.05
+STOP = stopping_distance(FRICTION, SPEED)
+MEET = {"predicate": "collides", "a": "red", "b": "blue"}
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """A committed case: red slides towards blue, which rests just within its reach; green rests far off."""
+    folder = tmp_path_factory.mktemp("asking")
+    session, path, rng = Session(folder / "atw.db"), folder / "slide.csv", np.random.default_rng(3)
+    red = block_places(FRICTION, SPEED, FRAMES)
+    rest = {"blue": red[0] + [STOP + HALF, 0.0, 0.0], "green": red[0] + [0.0, 2.0, 0.0]}
+    places = {"red": red} | {name: np.tile(place, (FRAMES, 1)) for name, place in rest.items()}
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["t", "object", "x", "y", "z"])
+        for k in range(FRAMES):
+            for name, own in places.items():
+                x, y, z = own[k]
+                dx, dy = SIGMA * rng.normal(size=2)
+                writer.writerow([0.04 * k, name, x + dx, y + dy, z])
+    session("OpenCase", data=str(path), name="slide")
+    session("ImportObservation", case="slide", kind="tracks", path=str(path), position_sigma=SIGMA)
+    session("BuildWorld", case="slide", default_shape={"kind": "box", "half_extents": [HALF] * 3})
+    fitted = session("FitWorld", case="slide", patience_seconds=300)
+    session("CommitWorld", case="slide", world=fitted["data"]["world"])
+    return session
+
+
+def asked(session: Session, *questions: dict[str, Any], **more: Any) -> list[dict[str, Any]]:
+    """Whole answers; an agent is shown them in short."""
+    short = session.shown("Ask", case="slide", questions=list(questions), **more)
+    whole = session("ReadEvidence", evidence=short["evidence"], detail="full")["data"]["answers"]
+    assert [row["answer"] for row in short["data"]["answers"]] == [row["answer"] for row in whole]
+    answers: list[dict[str, Any]] = whole
+    return answers
+
+
+def test_every_kind_of_question_has_the_answer_of_the_closed_form(session: Session) -> None:
+    alone = [{"action": "remove", "object": "blue"}]
+    meets, free, where, fast, far, often, first = asked(
+        session,
+        {"ask": "when", "predicate": MEET},
+        {"ask": "whether", "predicate": {"predicate": "collides", "a": "red"}, "edits": alone},
+        {"ask": "where", "object": "red", "edits": alone},
+        {"ask": "how_fast", "object": "red", "at": 0.5, "edits": alone},
+        {"ask": "how_far", "object": "red", "at": 0.0, "to": "blue"},
+        {"ask": "how_often", "predicate": MEET},
+        {"ask": "which_first", "predicates": [MEET, {"predicate": "collides", "a": "red", "b": "green"}]},
+        horizon_seconds=2.0,
+    )
+    # red's face meets blue's when its centre has gone STOP - HALF
+    fall = FRICTION * 9.81
+    time = (SPEED - np.sqrt(SPEED**2 - 2 * fall * (STOP - HALF))) / fall
+    assert meets["value"]["95%"][0] < time < meets["value"]["95%"][1]
+    assert meets["value"]["median"] == pytest.approx(time, abs=0.06)
+    assert free["probability"] < 0.1
+    low, high = where["place"]["x"]["95%"]
+    assert low < STOP < high
+    assert high - low < 0.3 * STOP
+    assert where["place"]["y"]["median"] == pytest.approx(0.0, abs=0.01)
+    assert fast["value"]["median"] == pytest.approx(SPEED - 0.5 * fall, abs=0.02)
+    assert far["value"]["median"] == pytest.approx(STOP + HALF, abs=0.01)
+    assert often["value"]["median"] == 1
+    assert max(first["probabilities"], key=first["probabilities"].get) == "1. collides red blue"
+
+
+def test_intervals_hold_each_other_and_members_add_up(session: Session) -> None:
+    (row,) = asked(session, {"ask": "where", "object": "red", "at": 1.5}, members=20)
+    assert row["members"] + row["unknown"] == 20
+    for axis in ("x", "y"):
+        (a, d), (b, c) = row["place"][axis]["95%"], row["place"][axis]["80%"]
+        assert a <= b <= row["place"][axis]["median"] <= c <= d
+
+
+def test_each_answer_is_evidence_of_its_own_and_equal_edits_are_run_once(session: Session) -> None:
+    edits = [{"action": "set_velocity", "object": "red", "velocity": [0.5, 0, 0]}]
+    one, two = asked(
+        session,
+        {"ask": "whether", "predicate": MEET, "edits": edits},
+        {"ask": "where", "object": "red", "edits": edits},
+    )
+    assert one["rollout"] == two["rollout"]
+    assert one["evidence"] != two["evidence"]
+    kept = session("ReadEvidence", evidence=one["evidence"])
+    assert kept["data"]["probability"] == one["probability"] < 0.1
+    assert kept["source"]["rollout"] == one["rollout"]
+    assert session("CompareWorlds", base=session("Rollout", case="slide")["data"]["rollout"], edited=one["rollout"])
+    again = asked(session, {"ask": "whether", "predicate": MEET, "edits": edits})[0]
+    assert again["probability"] == one["probability"]
+
+
+def test_what_is_not_there_is_unknown_and_not_false(session: Session) -> None:
+    gone = [{"action": "remove", "object": "green"}]
+    statement = {"predicate": "moving", "object": "green"}
+    (row,) = asked(session, {"ask": "whether", "predicate": statement, "edits": gone})
+    assert "probability" not in row
+    assert row["unknown"] == 64
+    assert row["answer"].startswith("unknown: ")
+
+
+@pytest.mark.parametrize(
+    ("question", "said"),
+    [
+        ({"ask": "wether", "predicate": MEET}, "whether"),
+        ({"predicate": MEET}, "'ask'"),
+        ({"ask": "where", "object": "rde"}, "red"),
+        ({"ask": "where"}, "object is missing"),
+        ({"ask": "whether", "predicate": {"predicate": "collide", "a": "red"}}, "collides"),
+        ({"ask": "whether", "predicate": MEET, "interval": [2, 1]}, "start <= end"),
+        ({"ask": "whether", "predicate": MEET, "edits": [{"action": "remove", "object": "purple"}]}, "green"),
+        ({"ask": "where", "object": "red", "at": 5.0}, "after horizon_seconds"),
+    ],
+)
+def test_refusals_name_the_question_and_what_there_is(session: Session, question: dict[str, Any], said: str) -> None:
+    first = {"ask": "where", "object": "red"}
+    text = session.refused("Ask", case="slide", questions=[first, question], horizon_seconds=1.0)
+    assert "question 2" in text
+    assert said in text
