@@ -172,6 +172,7 @@ def _lain(
 
     None for shapes that lie in no simple way, or that stand on an edge.
     """
+    orientation = orientation / np.linalg.norm(orientation)  # measured ones may be rounded
     shape, turn = item.shape, geometry.quaternion_matrix(orientation)
     if isinstance(shape, Sphere):
         return orientation, shape.radius, None, True

@@ -192,3 +192,10 @@ def test_a_body_on_a_slope_is_fitted_without_what_the_slope_forbids(shape: Cylin
     assert np.abs(axes.T @ normal).max() == pytest.approx(1.0, abs=1e-9) or abs(axes[:, 2] @ normal) < 1e-9
     if isinstance(shape, Cylinder):
         assert abs(np.cross(normal, axes[:, 2]) @ np.asarray(found.angular_velocity)) < 0.1
+
+
+def test_a_world_of_rounded_orientations_keeps_its_id_when_it_is_read_again() -> None:
+    turns = np.round(geometry.rotation_quaternion(np.tile([0.0, 0.0, 0.5], (COUNT, 1))), 6)
+    tracks = tracks_of({"box": slowed(frames(COUNT), 1.5, 2.0)}, orientations={"box": turns}, seed=0)
+    placed = with_supports(scene([box()], tracks), tracks)
+    assert World.model_validate_json(placed.canonical_json()).id == placed.id
