@@ -80,16 +80,20 @@ class Scene:
         return np.asarray(np.logaddexp(logs, np.log(self.settings.unknown)))
 
     def log_odds(
-        self, body: int, frame: int, pose: Floats, points: Floats, *, anywhere: bool = False
+        self, body: int, frame: int, pose: Floats, points: Floats, *, anywhere: bool = False, besides: bool = False
     ) -> tuple[Array, Mask]:
         """Log odds (M,) that points (M, 2) show a body at a pose and not what is behind it; whether they can show it.
 
         A point cannot where it lies outside the picture or behind a nearer body. anywhere: the pose gives the depth
-        alone; colours are those of the whole body, and its own shade is not expected anywhere.
+        alone; colours are those of the whole body, and its own shade is not expected anywhere. besides: the body is at
+        the pose, with its shade, and points that it covers cannot show it elsewhere.
         """
         values = self.film.at(frame, points)
-        behind = self.log_background(frame, points, values, (body, np.full(4, np.nan) if anywhere else pose))
+        at = np.full(4, np.nan) if anywhere and not besides else pose
+        behind = self.log_background(frame, points, values, (body, at))
         free = self.film.inside(points)
+        if besides:
+            free &= ~self._covers(body, pose, points, 1.0)
         depth = self.bodies[body].depth(pose)
         for other_depth, other in self._others(body, frame, points):
             there = self.poses[other, frame]
