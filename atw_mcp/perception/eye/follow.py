@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from atw_mcp.perception.eye.bodies import Outline
 from atw_mcp.perception.eye.likelihood import Scene
 from atw_mcp.perception.eye.pixels import Floats
-from atw_mcp.perception.eye.states import State, candidates, motion_prior, peaks, present, rivals, score, state_at
+from atw_mcp.perception.eye.states import State, candidates, motion_prior, peaks, present, competitors, score, state_at, vacant
 
 States = dict[int, State]
 
@@ -168,10 +168,10 @@ def _again(scene: Scene, body: int, frame: int) -> State | None:
     best = max(states, key=lambda s: score(scene, body, s, course, spread))
     if not present(scene, body, best):
         return best
-    options = [best, *rivals(scene, body, frame, best)]
+    options = [best, *competitors(scene, body, frame, best)]
     scores = np.array([score(scene, body, s, course, spread) for s in options])
     most = int(np.argmax(scores))
-    return replace(options[most], unrivalled=float(1 / np.exp(scores - scores[most]).sum()))
+    return replace(options[most], posterior=float(1 / np.exp(scores - scores[most]).sum()))
 
 
 def _searched(scene: Scene, body: int, frame: int) -> State | None:
@@ -189,7 +189,8 @@ def _searched(scene: Scene, body: int, frame: int) -> State | None:
     reach = min(s.search + s.faster * float(apart), s.search_most)
     starts = peaks(scene, body, frame, about, reach, s.fraction * scene.usual[body])
     states = [state_at(scene, body, frame, pose, motion_prior(scene, body)) for pose in starts]
-    return max(states, key=lambda state: score(scene, body, state, None), default=None)
+    free = [state for state in states if vacant(scene, body, frame, state)]
+    return max(free, key=lambda state: score(scene, body, state, None), default=None)
 
 
 def _bends(scene: Scene, body: int) -> float:

@@ -16,14 +16,14 @@ from atw_mcp.perception.eye.silhouette import Fit, fit_pose
 class State:
     """A fitted pose with what supports it: mean log odds inside and in a ring around it [nats], visible share.
 
-    unrivalled: probability of its place against others in the same frame that could be the body's.
+    posterior: probability of its place against others in the same frame that could be the body's.
     """
 
     fit: Fit
     inside: float
     around: float
     visible: float
-    unrivalled: float = 1.0
+    posterior: float = 1.0
 
     @property
     def contrast(self) -> float:
@@ -59,7 +59,8 @@ def score(scene: Scene, body: int, state: State, predicted: Floats | None, sprea
     The motion's error has Cauchy tails in two coordinates, since bodies collide; spread: its scale [radii].
     """
     s, shape = scene.settings, scene.bodies[body]
-    total = s.support * state.contrast * state.visible
+    area = np.pi * shape.radius(state.fit.pose) ** 2
+    total = min(s.support, area / s.correlated**2) * state.contrast * state.visible
     if predicted is not None:
         apart = float(np.linalg.norm(shape.centre(state.fit.pose) - shape.centre(predicted)))
         total -= 1.5 * np.log1p((apart / ((spread or s.motion) * shape.radius(predicted))) ** 2)
@@ -122,7 +123,7 @@ def candidates(
     return found
 
 
-def rivals(scene: Scene, body: int, frame: int, state: State) -> list[State]:
+def competitors(scene: Scene, body: int, frame: int, state: State) -> list[State]:
     """States elsewhere around one, that pixels support which it does not explain."""
     s, shape, pose = scene.settings, scene.bodies[body], state.fit.pose
     least = s.fraction * max(state.contrast, s.present)
@@ -130,6 +131,14 @@ def rivals(scene: Scene, body: int, frame: int, state: State) -> list[State]:
     for start in peaks(scene, body, frame, pose, s.search, least, besides=True):
         other = state_at(scene, body, frame, start, motion_prior(scene, body))
         apart = np.linalg.norm(shape.centre(other.fit.pose) - shape.centre(pose))
-        if apart > s.apart * shape.radius(pose) and present(scene, body, other):
+        if apart > s.apart * shape.radius(pose) and present(scene, body, other) and vacant(scene, body, frame, other):
             found.append(other)
     return found
+
+
+def vacant(scene: Scene, body: int, frame: int, state: State) -> bool:
+    """Whether no other body is at a state's place."""
+    shape = scene.bodies[body]
+    centre, reach = shape.centre(state.fit.pose), scene.settings.apart * shape.radius(state.fit.pose)
+    others = [j for j in range(len(scene.bodies)) if j != body and np.isfinite(scene.poses[j, frame, 0])]
+    return all(np.linalg.norm(scene.bodies[j].centre(scene.poses[j, frame]) - centre) > reach for j in others)
