@@ -65,7 +65,7 @@ def discover(frames: Bytes, settings: EyeSettings | None = None) -> list[Proposa
     settings = settings or EyeSettings()
     small, factor = reduced(frames, settings)
     chains = _stitched(_linked(find_regions(small, settings), settings), settings)
-    moving = [c for c in chains if _moves(c, settings)]
+    moving = [c for c in chains if _moves(c, settings) and not _several(c, chains)]
     names = iter(range(1, len(moving) + 1))
     found = [_proposal(f"body {next(names)}", c, moving, factor, settings) for c in moving]
     return sorted(found, key=lambda p: -p.confidence)
@@ -99,6 +99,8 @@ def _price(chain: _Chain, region: Region, predicted: Floats, gap: int, settings:
     radius = max(region.radius, last.radius)
     apart = min(np.linalg.norm(region.centre - predicted), np.linalg.norm(region.centre - last.centre) + 0.5 * radius)
     size = abs(np.log(region.area / last.area))
+    if size > settings.merging and not (region.border or last.border):
+        return 1e3
     colour = float(np.abs((region.look - last.look) / [0.5, 0.15, 0.15]).max())
     return float(apart / (settings.search * 0.5 * radius * (1 + 0.5 * (gap - 1))) + size + 0.5 * colour)
 
@@ -133,14 +135,29 @@ def _stitched(chains: list[_Chain], settings: EyeSettings) -> list[_Chain]:
         chains = [c for k, c in enumerate(chains) if k not in (i, j)] + [joined]
 
 
+def _several(chain: _Chain, chains: list[_Chain]) -> bool:
+    """Whether a chain is of bodies that touch: where it begins or ends, at least two others that lie in it go on."""
+    for end, step in ((chain.regions[0], -1), (chain.last, 1)):
+        parts = 0
+        for other in chains:
+            near = other.regions[-1] if step < 0 else other.regions[0]
+            if other is not chain and not near.dark and 0 < step * (near.frame - end.frame) <= 3:
+                parts += near.area < 0.9 * end.area and np.linalg.norm(near.centre - end.centre) < 1.5 * end.radius
+        if parts > 1:
+            return True
+    return False
+
+
 def _moves(chain: _Chain, settings: EyeSettings) -> bool:
-    """Whether a chain lasts and moves, by more than the noise of its outline: motion is smooth but for blows."""
+    """Whether a chain lasts and moves on from frame to frame: noise of outlines goes to and fro, blocks of coding jump
+    and stand."""
     if len(chain.regions) < settings.least_life:
         return False
     places = np.array([r.centre for r in chain.regions])
     reach = float(np.linalg.norm(np.percentile(places, 95, axis=0) - np.percentile(places, 5, axis=0)))
-    bend = float(np.median(np.linalg.norm(np.diff(places, 2, axis=0), axis=1)))
-    return reach > max(0.5 * np.sqrt(chain.area() / np.pi), 3.0, settings.smoothness * bend)
+    steps = np.diff(places, axis=0)
+    persists = float((steps[1:] * steps[:-1]).sum() / max((steps**2).sum(), 1e-9))
+    return persists > settings.persistence and reach > max(0.5 * np.sqrt(chain.area() / np.pi), 3.0)
 
 
 def _proposal(name: str, chain: _Chain, others: list[_Chain], factor: float, settings: EyeSettings) -> Proposal:
@@ -175,8 +192,12 @@ def _follows(chain: _Chain, others: list[_Chain]) -> bool:
     for other in others:
         if other is chain or other.last.dark:
             continue
-        shared = [(own[r.frame], r) for r in other.regions if r.frame in own]
-        if len(shared) >= 0.5 * len(own):
+        apart = np.array([own[r.frame].centre - r.centre for r in other.regions if r.frame in own])
+        if len(apart) < 0.5 * len(own):
+            continue
+        radius = np.sqrt(max(chain.area(), other.area()) / np.pi)
+        near = np.linalg.norm(np.median(apart, axis=0)) < 4 * radius
+        if near and np.linalg.norm(apart - np.median(apart, axis=0), axis=1).mean() < radius:
             return True
     return False
 

@@ -38,10 +38,14 @@ class Region:
 
 @dataclass
 class Still:
-    """The still scene at reduced size: features (H, W, 3) and their standard deviations (H, W, 3)."""
+    """The still scene at reduced size: features (H, W, 3) and their standard deviations (H, W, 3).
+
+    tint (2,): chroma that a shadow changes per unit of log brightness, since the light that is left has another colour.
+    """
 
     feature: Array
     spread: Array
+    tint: Array
 
 
 def reduced(frames: Bytes, settings: EyeSettings) -> tuple[Bytes, float]:
@@ -83,7 +87,21 @@ def _still(sample: Bytes, settings: EyeSettings) -> Still:
         axis=-1,
     )
     spread = np.sqrt(np.maximum(noise, common) ** 2 + (settings.sharp * edges) ** 2)
-    return Still(feature, spread.astype(np.float32))
+    strong = apart[(np.abs(apart[..., 0]) > 6 * spread[..., 0]) & (apart[..., 0] < -0.15)]
+    return Still(feature, spread.astype(np.float32), _tint(strong))
+
+
+def _tint(darkened: Array) -> Array:
+    """Commonest ratio (2,) of chroma to log brightness among differences (M, 3) of darkened pixels; zero of few."""
+    if len(darkened) < 200:
+        return np.zeros(2, np.float32)
+    lines = np.linspace(-0.3, 0.3, 31)
+    ratios = darkened[:, 1:] / darkened[:, :1]
+    counts = np.histogram2d(ratios[:, 0], ratios[:, 1], bins=(lines, lines))[0]
+    middle = 0.5 * (lines[1:] + lines[:-1])
+    prior = np.exp(-(middle[:, None] ** 2 + middle[None] ** 2) / (2 * 0.1**2))  # light left in a shadow is nearly white
+    best = np.unravel_index(int(np.argmax(cv2.GaussianBlur(counts, (0, 0), 1.0) * prior)), counts.shape)
+    return np.array([middle[best[0]], middle[best[1]]], np.float32)
 
 
 def _lit(apart: Array) -> Array:
@@ -91,12 +109,13 @@ def _lit(apart: Array) -> Array:
     return np.asarray(apart - np.median(apart[::4, ::4], axis=(0, 1)), dtype=np.float32)
 
 
-def _classes(frame: Bytes, still: Still, settings: EyeSettings) -> tuple[Mask, Mask, Array, Array]:
+def _classes(frame: Bytes, still: Still, settings: EyeSettings) -> tuple[Mask, Mask, Array, Array, Mask, Array]:
     """Pixels (H, W) that are neither background nor shaded background; those that may be shaded; features; by how many
-    standard deviations each differs."""
+    standard deviations each differs; those of another hue; amounts by which they differ."""
     look = features(frame.astype(np.float32), settings)
     apart = _lit(look - still.feature)
-    dark, chroma = apart[..., 0], apart[..., 1:]
+    dark = apart[..., 0]
+    chroma = apart[..., 1:] - still.tint * np.minimum(dark, 0)[..., None]
     wide = still.spread[..., 1:] + np.float32(settings.shade_chroma) * np.abs(dark)[..., None]
     coloured = cv2.GaussianBlur(((chroma / wide) ** 2).sum(axis=-1), (0, 0), 0.8)
     bright = cv2.GaussianBlur(dark / still.spread[..., 0], (0, 0), 0.8)
@@ -105,16 +124,19 @@ def _classes(frame: Bytes, still: Still, settings: EyeSettings) -> tuple[Mask, M
     lit = (bright > sigma) & (dark > 0.5 * settings.brightest_light)
     foreign = (coloured > sigma**2) | black | lit
     differs = np.maximum(np.sqrt(coloured), np.abs(bright))
-    return foreign, ~foreign & (bright < -sigma) & (dark < -0.08), look, differs
+    amount = np.sqrt(dark**2 + 9 * (chroma**2).sum(axis=-1))  # chroma varies less than brightness: equal weight
+    shaded = ~foreign & (bright < -sigma) & (dark < -0.08)
+    return foreign, shaded, look, differs, coloured > sigma**2, amount
 
 
 def regions_of(frame: Bytes, number: int, still: Still, settings: EyeSettings) -> list[Region]:
     """Regions of a frame."""
-    foreign, shaded, look, differs = _classes(frame, still, settings)
+    foreign, shaded, look, differs, hued, amount = _classes(frame, still, settings)
     kernel = np.ones((3, 3), np.uint8)
     body = cv2.morphologyEx(foreign.astype(np.uint8), cv2.MORPH_CLOSE, kernel)
     body = cv2.morphologyEx(_closed(body), cv2.MORPH_OPEN, kernel)
     dark = cv2.morphologyEx(shaded.astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
+    body = _with_dark_sides(body, dark, hued)
     dark[body > 0] = 0
     parts: list[tuple[Mask, tuple[int, int], int, bool]] = []
     for mask, is_dark in ((body, False), (dark, True)):
@@ -124,7 +146,12 @@ def regions_of(frame: Bytes, number: int, still: Still, settings: EyeSettings) -
             if area < settings.least_region:
                 continue
             own = labels[y : y + h, x : x + w] == part
-            if np.percentile(differs[y : y + h, x : x + w][own], 80) > 2 * settings.differs:
+            if np.percentile(differs[y : y + h, x : x + w][own], 80) < 2 * settings.differs:
+                continue
+            if not is_dark:
+                own = _at_half(own, amount[y : y + h, x : x + w])
+                area = int(own.sum())
+            if area >= settings.least_region:
                 parts.append((own, (x, y), area, is_dark))
     found, height, width = [], *frame.shape[:2]
     for own, corner, area, is_dark in parts:
@@ -152,6 +179,26 @@ def regions_of(frame: Bytes, number: int, still: Still, settings: EyeSettings) -
             )
         )
     return found
+
+
+def _at_half(own: Mask, amount: Array) -> Mask:
+    """The largest part of a region within the outline at which its difference has fallen to half: lens and coding blur
+    edges, and what is left is a shadow or a glow."""
+    kept = _closed((own & (amount > 0.5 * np.percentile(amount[own], 75))).astype(np.uint8))
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(kept, connectivity=4)
+    return np.asarray(labels == 1 + int(np.argmax(stats[1:, 4]))) if len(stats) > 1 else own
+
+
+def _with_dark_sides(body: Bytes, dark: Bytes, hued: Mask) -> Bytes:
+    """Bodies of the background's own hue with the darkened pixels that they touch: their dark sides look like shade."""
+    count, labels = cv2.connectedComponents(body, connectivity=4)
+    share = np.bincount(labels.ravel(), hued.ravel(), count) / np.maximum(np.bincount(labels.ravel(), None, count), 1)
+    grey = (share < 0.3)[labels] & (body > 0)
+    _, joined = cv2.connectedComponents((grey | (dark > 0)).astype(np.uint8), connectivity=8)
+    keep = np.zeros(int(joined.max()) + 1, bool)
+    keep[np.unique(joined[grey])] = True
+    keep[0] = False
+    return _closed((keep[joined] | (body > 0)).astype(np.uint8))
 
 
 def _closed(mask: Bytes) -> Bytes:
