@@ -22,7 +22,7 @@ class EyeSettings:
     cell_blur: float = 1.0  # [cells] smoothness of the colours' weights over the body
     place_prior: float = 20.0  # [pixels] weight of the whole body's colours in a cell
     least_spread: tuple[float, float, float] = (0.06, 0.03, 0.03)  # of a colour: coding noise and aliased edges
-    least_pixels: int = 12  # of a body below which colours are not learned
+    least_pixels: int = 8  # of a body below which colours are not learned
     sampled_pixels: int = 4000  # of a body from which colours are learned; more change nothing
 
     # background and shade
@@ -66,7 +66,7 @@ class EyeSettings:
     peaks: int = 3  # of the search that are refined
     present: float = 0.5  # [nats] contrast of mean log odds, inside over around, from which on a body is seen
     fraction: float = 0.35  # of its usual contrast below which a body is not seen
-    support: float = 10.0  # independent pixels that a body counts for: model errors of its pixels are alike
+    support: float = 10.0  # independent pixels that a body counts for at the most: errors of its model are alike
     visible: float = 0.08  # share of a body's area from which on it is seen
     jump: float = 2.0  # [radii] between frames beyond the motion around: a break
     faster: float = 1.5  # times the motion around that is no jump, and is searched: a throw, a blow
@@ -81,6 +81,18 @@ class EyeSettings:
 
     # masks
     smooth: float = 1.2  # [nats] price of a pair of neighbours of different states
+
+    # discovery
+    discovery_pixels: float = 130_000.0  # of a frame at the most: smaller bodies than 4 px of 1080p are not proposed
+    differs: float = 5.0  # [standard deviations] from the background of a pixel that is not
+    darkest_shadow: float = 1.3  # [log] darker than what a shadow leaves: a factor of 3.7
+    least_region: int = 12  # [px] of a region: smaller ones are noise of coding
+    least_life: int = 5  # [frames] of a body that is proposed
+    persistence: float = 0.5  # correlation of a body's displacements in following frames: 1 of smooth motion, -0.5 of noise
+    link: float = 2.0  # of unlikeness from frame to frame, to which distance, size and colour add about 1 each
+    merging: float = 0.45  # [log] change of area from frame to frame of bodies that begin or cease to touch
+    growing: float = 0.25  # [log] change of area of what is no rigid body
+    hollow: float = 0.75  # share of its convex hull below which a region is no one rigid body
 
     # assignment
     meeting: float = 1.2  # [sums of radii] between look-alikes below which they may be exchanged
