@@ -83,7 +83,10 @@ def _still(sample: Bytes, settings: EyeSettings) -> Still:
     common = np.maximum(1.48 * np.median(np.abs(apart), axis=(0, 1, 2)), settings.noise_floor)
     noise = np.minimum(cv2.GaussianBlur(noise, (0, 0), 1.5), 10 * common)
     edges = np.stack(
-        [np.hypot(cv2.Sobel(f, -1, 1, 0, scale=0.125), cv2.Sobel(f, -1, 0, 1, scale=0.125)) for f in cv2.split(feature)],
+        [
+            np.hypot(cv2.Sobel(f, -1, 1, 0, scale=0.125), cv2.Sobel(f, -1, 0, 1, scale=0.125))
+            for f in cv2.split(feature)
+        ],
         axis=-1,
     )
     spread = np.sqrt(np.maximum(noise, common) ** 2 + (settings.sharp * edges) ** 2)
