@@ -13,6 +13,7 @@ from polyworld.gap.settings import GapSettings
 
 Array = NDArray[np.float64]
 
+STRETCHES = 8  # of a run whose residuals are noise, which are resampled
 FLOOR = 0.3  # of the noise, below which no error is believed
 
 
@@ -32,14 +33,34 @@ def score(pool: Sequence[Fitted], counts: Array) -> float:
     Return the share of values that count.
     """
     for f in pool:
-        f.scores = counts * np.log(np.maximum(f.errors, FLOOR))
-        f.total = float(f.scores.sum()) + f.price
+        rate(f, counts)
     best = min(pool, key=lambda f: f.total)
     share = independent_share(best)
     for f in pool:
-        f.scores = share * f.scores
-        f.total = float(f.scores.sum()) + f.price
+        rate(f, share * counts)
+        f.pieces = _stretches(f) if share == 1.0 else f.scores
     return share
+
+
+def rate(fitted: Fitted, counts: Array) -> None:
+    """Fill in the scores of a hypothesis, of folds with so many independent values (F,)."""
+    fitted.scores = counts * np.log(np.maximum(fitted.errors, FLOOR))
+    fitted.total = float(fitted.scores.sum()) + fitted.price
+
+
+def _stretches(fitted: Fitted) -> Array:
+    """Return scores of stretches of runs (F * STRETCHES,), which add up to those of the runs.
+
+    What model error leaves belongs to a run as a whole; what noise leaves is independent from row to row.
+    """
+    if len(fitted.grids) != len(fitted.scores):
+        return fitted.scores
+    found = []
+    for whole, grid in zip(fitted.scores, fitted.grids, strict=True):
+        parts = [part[np.isfinite(part)] for part in np.array_split(grid, STRETCHES)]
+        own = np.array([len(p) * np.log(max(float(np.sqrt(np.mean(p**2))), FLOOR)) if len(p) else 0.0 for p in parts])
+        found.append(own + (whole - own.sum()) / STRETCHES)
+    return np.concatenate(found)
 
 
 def equivalent(a: Fitted, b: Fitted, null: Fitted) -> bool:
@@ -77,23 +98,28 @@ def choose(
     chosen: NDArray[np.int64] | None = None,
     kept: Sequence[int] = (),
 ) -> Choice:
-    """Choose from a scored pool. chosen: folds, as resampled; default: each once. kept: folds in every resampling.
+    """Choose from a scored pool. chosen: pieces, as resampled; default: each once. kept: folds in every resampling.
 
-    Near the best is what is within `nats` of it, or better in a `share` of bootstraps over folds: gains that some runs
-    have and others have not, such as those of a wall, make no standard error.
+    Near the best is what is within `nats` of it. Where model error is left, also what is better in a `share` of
+    bootstraps over folds: gains that some runs have and others have not, such as those of a wall, make no standard
+    error. Where noise alone is left, whose part in a difference of D nats is sqrt(2 D), what is better without one of
+    the folds: no single run decides.
     """
-    scores = np.array([f.scores for f in pool])
     price = np.array([f.price for f in pool])
-    every = np.arange(scores.shape[1]) if chosen is None else chosen
-    totals = scores[:, every].sum(axis=1) + price
+    pieces = np.array([f.pieces for f in pool])
+    totals = (pieces if chosen is None else pieces[:, chosen]).sum(axis=1) + price
     best = int(totals.argmin())
     near = totals - totals[best] <= settings.nats
+    scores = np.array([f.scores for f in pool])
     count = scores.shape[1]
     if chosen is None and count > 2:
-        times = np.random.default_rng(settings.seed + 1).multinomial(count, np.ones(count) / count, settings.bootstraps)
-        times[:, list(kept)] = np.maximum(times[:, list(kept)], 1)
+        times = np.delete(1 - np.eye(count, dtype=int), list(kept), axis=0)
+        if share < 1.0:
+            rng = np.random.default_rng(settings.seed + 1)
+            times = rng.multinomial(count, np.ones(count) / count, settings.bootstraps)
+            times[:, list(kept)] = np.maximum(times[:, list(kept)], 1)
         behind = (scores - scores[best]) @ times.T + (price - price[best])[:, None]
-        near |= (behind <= 0.0).mean(axis=1) >= settings.share
+        near |= (behind <= 0.0).mean(axis=1) >= (settings.share if share < 1.0 else 1.0 / len(times))
     cost = np.array([f.simplicity for f in pool])
     least = cost[near].min()
     simple = [i for i in np.flatnonzero(near).tolist() if cost[i] <= least + 1e-6]
@@ -102,8 +128,10 @@ def choose(
 
 
 def winners(pool: Sequence[Fitted], settings: GapSettings, share: float, kept: Sequence[int] = ()) -> list[Fitted]:
-    """Return the choice in each bootstrap over folds. kept: folds in every one."""
-    count = len(pool[0].scores)
+    """Return the choice in each bootstrap over pieces. kept: folds in every one."""
+    count = len(pool[0].pieces)
+    own = count // len(pool[0].scores)
+    kept = [own * k + j for k in kept for j in range(own)]
     rng = np.random.default_rng(settings.seed)
     found = []
     for _ in range(settings.bootstraps):

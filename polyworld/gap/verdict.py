@@ -113,7 +113,8 @@ def _in_one_run(part: Part, named: Fitted, trusted: Sequence[Fitted], null: Fitt
 def _needed(named: Fitted, trusted: Sequence[Fitted], frequency: dict[str, float]) -> Fitted:
     """Return the hypothesis without the laws that bootstraps do not keep, or that matter less than model error does.
 
-    Where a remainder is left, what lowers it by little may be a part of it.
+    Where a remainder is left, what lowers it by little may be a part of it; of what lies within the tolerances to which
+    gravity and the horizontal are known, more is: it has to halve the error to be a name.
     """
     settings = named.ground.settings
     while len(named.hypothesis.parts) > 1:
@@ -122,7 +123,8 @@ def _needed(named: Fitted, trusted: Sequence[Fitted], frequency: dict[str, float
         error = named.error
         for f in sorted(fewer, key=lambda f: f.total):
             (dropped,) = named.hypothesis.names - f.hypothesis.names
-            small = settings.matters * f.error < error
+            tolerated = dropped in named.hypothesis.tolerated(named.values, settings)
+            small = (settings.halved if tolerated else settings.matters) * f.error < error
             if small and (error > settings.near_noise or frequency.get(dropped, 0.0) < settings.core):
                 named = f
                 break
