@@ -30,7 +30,6 @@ from polyworld.gap.verdict import intervals
 from polyworld.world import World
 
 LISTED = 5  # alternatives
-COMPARED = 3  # terms that are held against a law of the catalogue
 TRIED = 6  # laws of one depth that are fitted: score tests rank terms of one scale well
 ITERATIONS = 40  # of last fits: an exponent and a strength that trade off make long valleys
 
@@ -147,7 +146,7 @@ def better_term(search: Search, best: Fitted) -> Fitted | None:
         return None
     terms = [t.candidate() for t in library(ground.world, ground.recording)]
     found = []
-    for start in sorted(proposals(parent, terms, 1, search.share), key=lambda s: -s.gain)[:COMPARED]:
+    for start in sorted(proposals(parent, terms, 1, search.share), key=lambda s: -s.gain)[: ground.settings.branches]:
         one = fit(ground, start.hypothesis, start.point, iterations=ground.settings.full, scale=parent.scale)
         predict_left_out(one, search.folds)
         rate(one, search.share * search.counts)
@@ -221,7 +220,10 @@ def _without_forces(best: Fitted, null: Fitted) -> tuple[Hypothesis, tuple[str, 
         if _is_force(part.candidate) or part.own:
             continue
         ways = extended(found, part.candidate, best.ground.recording)
-        same = next((h for h in ways if h.parts[-1].variant.label == part.variant.label), None)
+        names = [u.name for u in part.shared]
+        last = [(h, h.parts[-1]) for h in ways]
+        fits = (h for h, p in last if (p.variant.label, [u.name for u in p.shared]) == (part.variant.label, names))
+        same = next(fits, None)
         if same is not None:
             own = best.values[best.hypothesis.of_part(i)].tolist()
             free += [replace(u, start=v, plausible=None) for u, v in zip(same.parts[-1].shared, own, strict=True)]
