@@ -13,10 +13,10 @@ from atw_mcp.perception.eye.pixels import Floats
 from atw_mcp.perception.eye.states import (
     State,
     candidates,
+    competitors,
     motion_prior,
     peaks,
     present,
-    competitors,
     score,
     state_at,
     vacant,
