@@ -127,7 +127,7 @@ class Machines:
         """Return a seat for a block with its world and instants (T,) [s]."""
         alone = world.coupled or any(o.start_time > 0.0 for o in world.objects)
         key = self._structure_of(world) + (times.tobytes().hex() if alone else "")
-        machine = self._known[key] = self._known.pop(key, None) or Machine(world, alone)
+        machine = self._known[key] = self._known.pop(key) if key in self._known else Machine(world, alone)
         self._known = dict(list(self._known.items())[-KEPT:])
         constants: dict[str, float] = {}
         if machine.world is not world:

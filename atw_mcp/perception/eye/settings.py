@@ -82,20 +82,6 @@ class EyeSettings:
     # masks
     smooth: float = 1.2  # [nats] price of a pair of neighbours of different states
 
-    # discovery
-    discovery_pixels: float = 130_000.0  # of a frame at the most: smaller bodies than 4 px of 1080p are not proposed
-    differs: float = 5.0  # [standard deviations] from the background of a pixel that is not
-    darkest_shadow: float = 1.3  # [log] darker than what a shadow leaves: a factor of 3.7
-    least_region: int = 12  # [px] of a region: smaller ones are noise of coding
-    least_life: int = 5  # [frames] of a body that is proposed
-    persistence: float = (
-        0.5  # correlation of a body's displacements in following frames: 1 of smooth motion, -0.5 of noise
-    )
-    link: float = 2.0  # of unlikeness from frame to frame, to which distance, size and colour add about 1 each
-    merging: float = 0.45  # [log] change of area from frame to frame of bodies that begin or cease to touch
-    growing: float = 0.25  # [log] change of area of what is no rigid body
-    hollow: float = 0.75  # share of its convex hull below which a region is no one rigid body
-
     # assignment
     meeting: float = 1.2  # [sums of radii] between look-alikes below which they may be exchanged
     orders: int = 48  # best assignments kept from one meeting to the next
