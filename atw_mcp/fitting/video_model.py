@@ -80,10 +80,12 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
 def _known_first(app: App, case: Case, request: VideoRequest, steps: Steps, model: VideoModel) -> list[str] | None:
     """Look for objects whose looks and sizes are given where nothing was observed yet; their names, or None.
 
-    None where one of them is not found: then what is observed without a hint is matched to them.
+    None where one of them is not found, or two are of one colour and shape, which materials may distinguish: then what
+    is observed without a hint is matched to them.
     """
+    looks = [(known.colour, repr(known.shape)) for known in request.known if known.pixel is None]
     camera = request.calibrate is not None or latest_camera(app, case) is not None
-    if request.looked_for is None or request.observe is not None or not camera:
+    if request.looked_for is None or request.observe is not None or not camera or len(set(looks)) < len(looks):
         return None
     if latest_image_observation(app, case) is not None:
         return None
