@@ -16,7 +16,7 @@ from atw_mcp.calls.steps import Step, StepFailed, Steps
 from atw_mcp.fitting.errors import object_errors
 from atw_mcp.fitting.video_report import MATCHING, VideoModel, failure_report, fit_report
 from atw_mcp.observation.matching import Known, Matching, elevation_of, matched
-from atw_mcp.observation.observing import derivation, latest_image_observation, modelled_tracks
+from atw_mcp.observation.observing import derivation, latest_camera, latest_image_observation, modelled_tracks
 from atw_mcp.perception.observation import ImageObservation, ObservedObject
 from atw_mcp.perception.tracks import estimate_sizes
 from evidence_store import Case, StoreError
@@ -58,21 +58,45 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
     """
     steps, model = Steps(app, progress, SHARES), VideoModel()
     try:
-        seen = _observe(app, case, request, steps)
-        if request.calibrate is not None:
-            steps.call("CalibrateCamera", case=case.id, **request.calibrate)
-        names = _match(app, case, request, seen, steps, model, progress)
+        names = _known_first(app, case, request, steps, model)
+        if names is None:
+            seen = _observe(app, case, request, steps)
+            if request.calibrate is not None:
+                steps.call("CalibrateCamera", case=case.id, **request.calibrate)
+            names = _match(app, case, request, seen, steps, model, progress)
         building = _build_arguments(request, model, names)
         built = steps.call("BuildWorld", case=case.id, **building)
         fitted = steps.call("FitWorld", case=case.id, world=built.evidence.world, **_fit_arguments(request, names))
         _compare(app, case, fitted, model, progress)
         other = built.data.get("alternative_representation")
-        if other is not None and (model.diverged or any(not error.follows for error in model.errors)):
+        if other is not None:
             fitted = _better(app, case, request, steps, model, fitted, {**building, "representation": other}, progress)
         model.notes += _unplaced(app, case, app.world(case, fitted.evidence.world))
     except StepFailed as error:
         return failure_report(case, error, steps, model)
     return fit_report(case, fitted, steps, model)
+
+
+def _known_first(app: App, case: Case, request: VideoRequest, steps: Steps, model: VideoModel) -> list[str] | None:
+    """Look for objects whose looks and sizes are given where nothing was observed yet; their names, or None.
+
+    None where one of them is not found, or two are of one colour and shape, which materials may distinguish: then what
+    is observed without a hint is matched to them.
+    """
+    looks = [(known.colour, repr(known.shape)) for known in request.known if known.pixel is None]
+    camera = request.calibrate is not None or latest_camera(app, case) is not None
+    if request.looked_for is None or request.observe is not None or not camera or len(set(looks)) < len(looks):
+        return None
+    if latest_image_observation(app, case) is not None:
+        return None
+    if request.calibrate is not None:
+        steps.call("CalibrateCamera", case=case.id, **request.calibrate)
+    found = _look_for(app, case, request, steps, model)
+    if found is None or {item.name for item in request.known} - set(found.names):
+        steps.call("ObserveObjects", case=case.id)
+        return None
+    model.matching, model.looked_for = Matching((), (), ()), list(found.names)
+    return list(found.names)
 
 
 def _observe(app: App, case: Case, request: VideoRequest, steps: Steps) -> ImageObservation:
@@ -268,7 +292,8 @@ def _better(
     building: dict[str, Any],
     progress: Progress,
 ) -> Step:
-    """Build and fit the world in its other representation; the fit that follows the video better, its errors kept."""
+    """Build and fit the world in its other, simpler representation; keep that unless it follows the video worse by more
+    than a standard error."""
     other = VideoModel()
     built = steps.call("BuildWorld", case=case.id, **building)
     names = list(fitted.evidence.objects)
@@ -278,7 +303,8 @@ def _better(
         model.notes.append(f"a {building['representation']} world could not be fitted: {error.reason}")
         return fitted
     _compare(app, case, again, other, progress)
-    if _misfit(other) < _misfit(model):
+    share = 1.0 / np.sqrt(2.0 * max(sum(error.frames for error in model.errors), 1))  # of a root mean square
+    if _misfit(other) <= (1.0 + share) * _misfit(model):
         model.errors, model.diverged = other.errors, None
         return again
     return fitted

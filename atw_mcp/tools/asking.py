@@ -18,7 +18,7 @@ from atw_mcp.calls.names import object_name
 from atw_mcp.calls.results import Answer, explained
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.probing.asking import AGGREGATIONS, Asked, HowFar, Question, answered
-from atw_mcp.probing.ensembles import LEAST, MEMBERS, Ensemble, compute_ensemble, lineage
+from atw_mcp.probing.ensembles import MEMBERS, Ensemble, compute_ensemble, lineage
 from atw_mcp.results.asking import AnswersToAll
 from atw_mcp.tools.experimentation import PATIENCE, CaseId, read_edits
 from atw_mcp.tools.querying import read_statement
@@ -73,9 +73,6 @@ def ask(
         ),
     ] = None,
     world: Annotated[str, Field(description="'committed', or the id of a branch of it")] = "committed",
-    members: Annotated[
-        int, Field(ge=LEAST, le=MEMBERS, description="worlds that the data allow to ask, besides the best fit")
-    ] = MEMBERS,
 ) -> LongWork:
     """Answer several questions at once: whether, when, how often, which first, where, how fast, how far, each of the
     world as it is or with edits made before the start. Worlds with equal edits are run once. Every question is asked of
@@ -114,7 +111,7 @@ def ask(
     def work(progress: Progress) -> Answer:
         rows: dict[int, dict[str, Any]] = {}
         for done, plan in enumerate(plans.values()):
-            message = f"running {members} worlds for {horizon:g} s, {done + 1} of {len(plans)}"
+            message = f"running {MEMBERS} worlds for {horizon:g} s, {done + 1} of {len(plans)}"
 
             def report(share: float, done: int = done, message: str = message) -> None:
                 progress.report(done + share, len(plans), message)
@@ -122,16 +119,16 @@ def ask(
             report(0.0)
             with explained():
                 rollout, best = compute_rollout(app, plan.world, horizon)
-                ensemble = compute_ensemble(app, found, plan.world, horizon, None, members, report)
+                ensemble = compute_ensemble(app, found, plan.world, horizon, None, MEMBERS, report)
                 for i in plan.numbers:
                     rows[i] = _answer(app, found, plan, rollout, best, read[i], ensemble, questions[i])
-        return _together(found, base, [rows[i] for i in range(len(read))], members, horizon, observed)
+        return _together(found, base, [rows[i] for i in range(len(read))], horizon, observed)
 
     return LongWork(
-        f"ask {base.id} {horizon} {members} {json.dumps(questions, sort_keys=True, default=str)}",
+        f"ask {base.id} {horizon} {json.dumps(questions, sort_keys=True, default=str)}",
         work,
         Answer(
-            summary=f"asking {len(read)} questions of {members} worlds over {horizon:g} s, {len(plans)} sets of edits",
+            summary=f"asking {len(read)} questions of {MEMBERS} worlds over {horizon:g} s, {len(plans)} sets of edits",
             data={},
             case=found.id,
             world=base.id,
@@ -244,12 +241,10 @@ def _spread(about: dict[str, Any]) -> str:
     return f"{narrow['median']:g} ({low:g} to {high:g})"
 
 
-def _together(
-    case: Case, base: World, rows: list[dict[str, Any]], members: int, horizon: float, observed: float
-) -> Answer:
-    whole = {"members": members, "until": horizon, "observed_until": observed}
+def _together(case: Case, base: World, rows: list[dict[str, Any]], horizon: float, observed: float) -> Answer:
+    whole = {"members": MEMBERS, "until": horizon, "observed_until": observed}
     return Answer(
-        summary=f"{len(rows)} answers of {members} worlds that the data allow, run to {horizon:.4g} s",
+        summary=f"{len(rows)} answers of {MEMBERS} worlds that the data allow, run to {horizon:.4g} s",
         data={"answers": rows, **whole},
         shown={"answers": [_brief(row) for row in rows], **whole},
         case=case.id,

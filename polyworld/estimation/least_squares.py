@@ -69,13 +69,19 @@ class Minimum:
 class Problem:
     """Runs of blocks with shared unknowns that have Gaussian priors."""
 
-    def __init__(self, runs: Sequence[Sequence[Block]], shared: Sequence[Unknown], settings: DescentSettings) -> None:
+    def __init__(
+        self,
+        runs: Sequence[Sequence[Block]],
+        shared: Sequence[Unknown],
+        settings: DescentSettings,
+        machines: Machines | None = None,
+    ) -> None:
         self.runs, self.shared, self.settings = [tuple(r) for r in runs], tuple(shared), settings
         self.lower, self.upper = bounds_in_coordinates(shared)
         self.prior_mean = np.array([u.prior[0] if u.prior else 0.0 for u in shared])
         self.prior_sd = np.array([u.prior[1] if u.prior else np.inf for u in shared])
         self.typical = np.array([u.typical for u in shared])
-        machines = Machines()
+        machines = machines or Machines()
         for run in self.runs:
             for block in run:
                 block.prepare(self.shared, machines)

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 MOST_BYTES = 500_000_000  # of the motion that one batch of rollouts keeps
 BYTES_OF_BODY, BYTES_OF_POINT = 104, 48  # pose and rates, and position and velocity, of one sample
+KEPT = 64  # simulators: as many as one step of a search compares
 ROOM = 1.5  # times as many worlds as are asked for, that a simulator is made for
 STATE_FIELDS = ("position", "velocity", "angular_velocity")
 
@@ -104,7 +105,7 @@ class Machine:
 
 
 class Machines:
-    """Machines of a problem; a block takes a seat in one."""
+    """Machines of one problem, or of several in turn: the last `KEPT` are kept. A block takes a seat in one."""
 
     def __init__(self) -> None:
         self._known: dict[str, Machine] = {}
@@ -126,9 +127,8 @@ class Machines:
         """Return a seat for a block with its world and instants (T,) [s]."""
         alone = world.coupled or any(o.start_time > 0.0 for o in world.objects)
         key = self._structure_of(world) + (times.tobytes().hex() if alone else "")
-        machine = self._known.setdefault(key, Machine(world, alone))
-        if machine.world is not world and machine._scheduled is not None:
-            machine._scheduled = None  # one more list of instants
+        machine = self._known[key] = self._known.pop(key) if key in self._known else Machine(world, alone)
+        self._known = dict(list(self._known.items())[-KEPT:])
         constants: dict[str, float] = {}
         if machine.world is not world:
             for item, other in zip(world.objects, machine.world.objects, strict=True):
@@ -140,6 +140,7 @@ class Machines:
         slot = next((i for i, own in enumerate(machine.lists) if np.array_equal(own, times)), len(machine.lists))
         if slot == len(machine.lists):
             machine.lists.append(times)
+            machine._scheduled = None
         return Seat(machine, slot, constants, world)
 
 

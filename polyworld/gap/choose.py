@@ -32,14 +32,18 @@ def score(pool: Sequence[Fitted], counts: Array) -> float:
     Return the share of values that count.
     """
     for f in pool:
-        f.scores = counts * np.log(np.maximum(f.errors, FLOOR))
-        f.total = float(f.scores.sum()) + f.price
+        rate(f, counts)
     best = min(pool, key=lambda f: f.total)
     share = independent_share(best)
     for f in pool:
-        f.scores = share * f.scores
-        f.total = float(f.scores.sum()) + f.price
+        rate(f, share * counts)
     return share
+
+
+def rate(fitted: Fitted, counts: Array) -> None:
+    """Fill in the scores of a hypothesis, of folds with so many independent values (F,)."""
+    fitted.scores = counts * np.log(np.maximum(fitted.errors, FLOOR))
+    fitted.total = float(fitted.scores.sum()) + fitted.price
 
 
 def equivalent(a: Fitted, b: Fitted, null: Fitted) -> bool:
@@ -71,29 +75,25 @@ def distinct(pool: Sequence[Fitted], null: Fitted) -> tuple[list[Fitted], dict[i
 
 
 def choose(
-    pool: Sequence[Fitted],
-    settings: GapSettings,
-    share: float,
-    chosen: NDArray[np.int64] | None = None,
-    kept: Sequence[int] = (),
+    pool: Sequence[Fitted], settings: GapSettings, share: float, totals: Array | None = None, kept: Sequence[int] = ()
 ) -> Choice:
-    """Choose from a scored pool. chosen: folds, as resampled; default: each once. kept: folds in every resampling.
+    """Choose from a scored pool. totals (H,): as resampled; default: as scored. kept: folds in every resampling.
 
-    Near the best is what is within `nats` of it, or better in a `share` of bootstraps over folds: gains that some runs
-    have and others have not, such as those of a wall, make no standard error.
+    Near the best is what is within `nats` of it: noise moves a difference of D nats by sqrt(2 D). Where model error is
+    left, also what is better in a `share` of resamplings: gains that some runs have and others have not, such as those
+    of a wall, make no standard error. Else, what is better without one of the folds: no single run decides.
     """
-    scores = np.array([f.scores for f in pool])
-    price = np.array([f.price for f in pool])
-    every = np.arange(scores.shape[1]) if chosen is None else chosen
-    totals = scores[:, every].sum(axis=1) + price
+    again = None
+    if totals is None:
+        totals = np.array([f.total for f in pool])
+        scores = np.array([f.scores for f in pool]).T
+        if len(scores) > 2:
+            alone = totals - np.delete(scores, list(kept), axis=0)
+            again = resampled(pool, settings, share, kept) if share < 1.0 else alone
     best = int(totals.argmin())
     near = totals - totals[best] <= settings.nats
-    count = scores.shape[1]
-    if chosen is None and count > 2:
-        times = np.random.default_rng(settings.seed + 1).multinomial(count, np.ones(count) / count, settings.bootstraps)
-        times[:, list(kept)] = np.maximum(times[:, list(kept)], 1)
-        behind = (scores - scores[best]) @ times.T + (price - price[best])[:, None]
-        near |= (behind <= 0.0).mean(axis=1) >= settings.share
+    if again is not None and len(again):
+        near |= (again <= again[:, [best]]).mean(axis=0) >= (settings.share if share < 1.0 else 1.0 / len(again))
     cost = np.array([f.simplicity for f in pool])
     least = cost[near].min()
     simple = [i for i in np.flatnonzero(near).tolist() if cost[i] <= least + 1e-6]
@@ -101,16 +101,27 @@ def choose(
     return Choice(pool[winner], tuple(pool[i] for i in np.flatnonzero(near).tolist()), pool[best], share)
 
 
-def winners(pool: Sequence[Fitted], settings: GapSettings, share: float, kept: Sequence[int] = ()) -> list[Fitted]:
-    """Return the choice in each bootstrap over folds. kept: folds in every one."""
-    count = len(pool[0].scores)
+def resampled(pool: Sequence[Fitted], settings: GapSettings, share: float, kept: Sequence[int] = ()) -> Array:
+    """Return totals (B, H) as other data would give them: model error belongs to a run as a whole, so that folds are
+    drawn again; what noise leaves is independent from row to row, and is drawn again."""
     rng = np.random.default_rng(settings.seed)
-    found = []
-    for _ in range(settings.bootstraps):
-        drawn = rng.integers(0, count, count)
-        drawn[: len(kept)] = np.where(np.isin(kept, drawn), drawn[: len(kept)], kept)
-        found.append(choose(pool, settings, share, drawn).chosen)
-    return found
+    price = np.array([f.price for f in pool])
+    scores = np.array([f.scores for f in pool])
+    count = scores.shape[1]
+    if share < 1.0:
+        times = rng.multinomial(count, np.ones(count) / count, settings.bootstraps)
+        times[:, list(kept)] = np.maximum(times[:, list(kept)], 1)
+        found: Array = times @ scores.T + price
+        return found
+    slopes = np.array([np.concatenate([(g / np.nanmean(g**2)).ravel() for g in f.grids]) for f in pool])
+    noise = rng.normal(size=(settings.bootstraps, slopes.shape[1]))
+    drawn: Array = scores.sum(axis=1) + price + noise @ np.nan_to_num(slopes).T
+    return drawn
+
+
+def winners(pool: Sequence[Fitted], settings: GapSettings, share: float, kept: Sequence[int] = ()) -> list[Fitted]:
+    """Return the choice in each resampling. kept: folds in every one."""
+    return [choose(pool, settings, share, totals).chosen for totals in resampled(pool, settings, share, kept)]
 
 
 def helped_folds(fitted: Fitted, pool: Sequence[Fitted], null: Fitted) -> list[int]:

@@ -28,8 +28,8 @@ class Fitted:
     squared scales. early: the point that a short horizon gave. Held out: errors (F,) by fold in standard deviations of
     the noise; expected (F,): those of a hypothesis that is right, whose unknowns the noise leaves uncertain; grids:
     residuals by run (T, C), each fold as it was predicted; left_out (F, S): values without each fold. simplicity: cost
-    of its effects in nats, price: that and what is surprising in its values. scores (F,), total: as compared with
-    others.
+    of its effects in nats, price: that and what is surprising in its values. scores (F,), total: as compared
+    with others.
     """
 
     hypothesis: Hypothesis

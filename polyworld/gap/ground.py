@@ -12,6 +12,7 @@ from polyworld.data.recording import Recording, Run
 from polyworld.edits.removal import without
 from polyworld.estimation.fit_settings import DescentSettings
 from polyworld.estimation.least_squares import Problem
+from polyworld.estimation.machines import Machines
 from polyworld.estimation.noise import RunNoise, run_noise
 from polyworld.estimation.problem import Block
 from polyworld.estimation.readout import ObservedMotion, RunReadout, owner
@@ -52,6 +53,7 @@ class Ground:
         for run in self.recording.runs:
             if len(run.times) < 2:
                 raise ValueError(f"run {run.name!r} has {len(run.times)} instants; at least 2 are needed")
+        self._machines = Machines()  # of fits one after another of one hypothesis
         self._everywhere = {owner(n) for run in self.recording.runs for n in run.names}
         runs, noise = self.recording.runs, self.noise
         self.readouts = tuple(RunReadout(self.world, r, n) for r, n in zip(runs, noise, strict=True))
@@ -88,7 +90,8 @@ class Ground:
                 block.observer = ObservedMotion(world, run)
                 block.times = _sampled(stamps, hypothesis.unknowns, world)
             blocks.append([block])
-        return Problem(blocks, hypothesis.unknowns, DESCENT)
+        shared = None if hypothesis.world.coupled else self._machines
+        return Problem(blocks, hypothesis.unknowns, DESCENT, shared)
 
     def cut(self, runs: Sequence[Run], noise: Sequence[RunNoise]) -> Ground:
         """Return the same of other runs, or of parts of these."""

@@ -5,6 +5,7 @@ the base is fitted, plain laws alone and in pairs, then others     search, propo
 every hypothesis is judged by what it predicts of runs left out    cross_validation, choose
 runs that no candidate predicts are set aside and named            set_aside
 the verdict: what bootstraps keep, what competes, what is closed   verdict
+laws outside the catalogue that predict better contradict it       residual_force
 sealed runs, which no step has seen, can only lower it             sealed
 what is left open: the run that would decide, the force left       experiment, residual_force
 """
@@ -28,7 +29,7 @@ from polyworld.gap.fitting import Fitted
 from polyworld.gap.ground import Ground, ground_of
 from polyworld.gap.hypothesis import Hypothesis
 from polyworld.gap.report import GapReport
-from polyworld.gap.residual_force import ResidualForce, residual_force
+from polyworld.gap.residual_force import ResidualForce, better_term, residual_force
 from polyworld.gap.sealed import SealedGap, sealed_gap
 from polyworld.gap.search import Search
 from polyworld.gap.set_aside import Aside, outlying, without_runs
@@ -82,7 +83,7 @@ def find_gap(
     screening = screen(world, recording)
     ground = ground_of(world, recording, settings)
     search, aside = _search(ground, library, Hypothesis(ground.world, tuple(base)), report, stopped, fitted)
-    verdict = decide(search.pool, search.null, search.share, _one_course(screening, recording))
+    verdict = _by_expression(search, decide(search.pool, search.null, search.share, _one_course(screening, recording)))
     sealed: SealedGap | None = None
     if held_out is not None:
         sealed = sealed_gap(search.null, verdict.best, held_out, held_out_world)
@@ -150,6 +151,18 @@ def _search(
         aside += more
         report("set aside", {"runs": [a.run for a in more]})
     return search, aside
+
+
+def _by_expression(search: Search, verdict: Verdict) -> Verdict:
+    """Return the verdict as far as no expression outside the catalogue predicts better than what it names."""
+    if verdict.kind in ("unexplained", "nothing_missing") or search.limited:
+        return verdict
+    term = better_term(search, verdict.best)
+    if term is None:
+        return verdict
+    gain, law = search.pool[0].total - term.total, term.hypothesis.parts[-1].candidate
+    reason = f"{law.name}, a law outside the catalogue ({law.law}), predicts better by {gain:.0f} nats"
+    return replace(verdict, kind="unexplained", reasons=(*verdict.reasons, reason))
 
 
 def _lowered(verdict: Verdict, sealed: SealedGap, settings: GapSettings) -> Verdict:

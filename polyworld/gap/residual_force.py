@@ -17,10 +17,12 @@ import numpy as np
 from polyworld.estimation.least_squares import Point
 from polyworld.expressions.parse import MAX_EXPRESSION_PARAMETERS, MAX_LENGTH
 from polyworld.gap.candidate import Candidate
-from polyworld.gap.choose import choose, credible
+from polyworld.gap.choose import choose, credible, rate
+from polyworld.gap.cross_validation import predict_left_out
 from polyworld.gap.fitting import Fitted, fit
 from polyworld.gap.ground import Ground
 from polyworld.gap.hypothesis import Hypothesis, extended
+from polyworld.gap.propose import proposals
 from polyworld.gap.residual_terms import Term, library, names_in_sum, sum_text
 from polyworld.gap.search import Search
 from polyworld.gap.settings import GapSettings
@@ -122,13 +124,42 @@ def residual_force(
     search.plain()
     search.forward()
     laws = {id(f): tuple(terms[p.candidate.name] for p in f.hypothesis.parts) for f in search.pool}
-    worth = settings.matters * search.null.error
-    trusted = [f for f in credible(search.pool, search.null) if f.error < worth and _writable(laws[id(f)])]
+    trusted = [f for f in credible(search.pool, search.null) if _worth(f, search.null) and _writable(laws[id(f)])]
     chosen = choose([search.null, *trusted], settings, search.share).chosen
     if chosen is search.null:
         return None
     others = [(sum_text(laws[id(f)]), f.total - chosen.total) for f in trusted if f is not chosen]
     return ResidualForce(chosen, laws[id(chosen)], search.null, beside, tuple(others[:LISTED]), not search.limited)
+
+
+def better_term(search: Search, best: Fitted) -> Fitted | None:
+    """Fit single terms in place of the forces of a hypothesis; return the one that predicts better than all that was
+    searched by `nats`, None where none does.
+
+    A law of the catalogue near the one that is at work takes most of its effect; what shows that it is another law is
+    that an expression no catalogue holds predicts better.
+    """
+    ground = search.ground
+    key = frozenset((p.candidate.name, p.variant.label) for p in best.hypothesis.parts if not _is_force(p.candidate))
+    parent = next((f for f in search.pool if f.hypothesis.key == key), None)
+    if parent is None or ground.world.deformables:
+        return None
+    terms = [t.candidate() for t in library(ground.world, ground.recording)]
+    found = []
+    for start in sorted(proposals(parent, terms, 1, search.share), key=lambda s: -s.gain)[: ground.settings.branches]:
+        one = fit(ground, start.hypothesis, start.point, iterations=ground.settings.full, scale=parent.scale)
+        predict_left_out(one, search.folds)
+        rate(one, search.share * search.counts)
+        found.append(one)
+    first = min(found, key=lambda f: f.total, default=None)
+    nearest = search.pool[0].total - ground.settings.nats
+    return first if first is not None and first.total < nearest and _worth(first, best) else None
+
+
+def _worth(fitted: Fitted, other: Fitted) -> bool:
+    """Return whether a law leaves noise alone, or much less than another: what lowers a remainder by little may be a
+    part of it."""
+    return fitted.quiet or fitted.error < fitted.ground.settings.matters * other.error
 
 
 class _TermSearch(Search):
@@ -189,7 +220,10 @@ def _without_forces(best: Fitted, null: Fitted) -> tuple[Hypothesis, tuple[str, 
         if _is_force(part.candidate) or part.own:
             continue
         ways = extended(found, part.candidate, best.ground.recording)
-        same = next((h for h in ways if h.parts[-1].variant.label == part.variant.label), None)
+        names = [u.name for u in part.shared]
+        last = [(h, h.parts[-1]) for h in ways]
+        fits = (h for h, p in last if (p.variant.label, [u.name for u in p.shared]) == (part.variant.label, names))
+        same = next(fits, None)
         if same is not None:
             own = best.values[best.hypothesis.of_part(i)].tolist()
             free += [replace(u, start=v, plausible=None) for u, v in zip(same.parts[-1].shared, own, strict=True)]

@@ -24,7 +24,7 @@ Kind = Literal["identified", "identified_with_remainder", "ambiguous", "unexplai
 class Verdict:
     """A verdict. best: the hypothesis that is named, or the nearest one. competitors: others that are as near.
 
-    frequencies: share of bootstraps over folds that hold an effect; stable: of those that hold all of the best's.
+    frequencies: share of resamplings that hold an effect; stable: of those that hold all of the best's.
     before, after: held-out errors in standard deviations of the noise. reasons: what kept it from being more.
     equivalent: hypotheses that predict the same motion as the best one, so that no data of this design separate them.
     """
@@ -66,7 +66,11 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
         much = choice.best.error < settings.matters * named.error
         if named is choice.chosen and len(gains) >= settings.core * len(drawn) and much:
             named = max(gains, key=lambda f: sum(g is f for g in gains))
-        named = _without_weak(named, trusted)
+        weak = set(_weak(named, pool, share)) if len(named.hypothesis.parts) > 1 else set()
+        fewer = [
+            f for f in trusted if weak and f.hypothesis.parts and f.hypothesis.names == named.hypothesis.names - weak
+        ]
+        named = min(fewer, key=lambda f: f.total, default=named)
     competitors = [f for f in choice.near if _competes(f, named)]
     if one_course and named is not null:
         enough = max(named.error / settings.halved, settings.closed * null.error)
@@ -75,10 +79,12 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
         competitors += [f for f in likely if _competes(f, named) and not any(f is g for g in competitors)]
     stable = float(np.mean([named.hypothesis.names <= f.hypothesis.names for f in drawn]))
     before, after = null.error, named.error
-    if stable < 1.0 - settings.share and not competitors:
-        others = {id(f): f for f in drawn if not named.hypothesis.names <= f.hypothesis.names}
-        competitors = sorted(others.values(), key=lambda f: f.total)[:4]
-    kind, reasons = _kind(named, null, competitors)
+    lost = [f for f in drawn if not named.hypothesis.names <= f.hypothesis.names]
+    if share == 1.0:  # of other laws the difference decides, whose noise is known: that fewer do is left to ask
+        lost = [f for f in lost if f.hypothesis.names < named.hypothesis.names]
+    if len(lost) > settings.share * len(drawn) and not competitors:
+        competitors = sorted({id(f): f for f in lost}.values(), key=lambda f: f.total)[:4]
+    kind, reasons = _kind(named, null, competitors, _weak(named, pool, share))
     alone = [p.candidate.name for p in named.hypothesis.parts if _in_one_run(p, named, trusted, null)]
     if kind in ("identified", "identified_with_remainder") and alone:
         kind, reasons = "unexplained", (f"only one run shows {', '.join(alone)}: any sudden push does the same there",)
@@ -113,7 +119,8 @@ def _in_one_run(part: Part, named: Fitted, trusted: Sequence[Fitted], null: Fitt
 def _needed(named: Fitted, trusted: Sequence[Fitted], frequency: dict[str, float]) -> Fitted:
     """Return the hypothesis without the laws that bootstraps do not keep, or that matter less than model error does.
 
-    Where a remainder is left, what lowers it by little may be a part of it.
+    Where a remainder is left, what lowers it by little may be a part of it; of what lies within the tolerances to which
+    gravity and the horizontal are known, more is: it has to halve the error to be a name.
     """
     settings = named.ground.settings
     while len(named.hypothesis.parts) > 1:
@@ -122,7 +129,8 @@ def _needed(named: Fitted, trusted: Sequence[Fitted], frequency: dict[str, float
         error = named.error
         for f in sorted(fewer, key=lambda f: f.total):
             (dropped,) = named.hypothesis.names - f.hypothesis.names
-            small = settings.matters * f.error < error
+            tolerated = dropped in named.hypothesis.tolerated(named.values, settings)
+            small = (settings.halved if tolerated else settings.matters) * f.error < error
             if small and (error > settings.near_noise or frequency.get(dropped, 0.0) < settings.core):
                 named = f
                 break
@@ -131,18 +139,22 @@ def _needed(named: Fitted, trusted: Sequence[Fitted], frequency: dict[str, float
     return named
 
 
-def _without_weak(named: Fitted, trusted: Sequence[Fitted]) -> Fitted:
-    """Return the hypothesis without laws whose strengths do not differ from zero, where others remain."""
-    weak = set(not_zero(named)) if len(named.hypothesis.parts) > 1 else set()
-    fewer = [f for f in trusted if weak and f.hypothesis.parts and f.hypothesis.names == named.hypothesis.names - weak]
-    return min(fewer, key=lambda f: f.total, default=named)
+def _weak(named: Fitted, pool: Sequence[Fitted], share: float) -> list[str]:
+    """Return laws whose strengths do not differ from zero. Where noise alone is left, prediction shows that they do,
+    though a strength and a place that trade off have wide intervals."""
+    found = not_zero(named)
+    if share < 1.0:
+        return found
+    most = named.total + named.ground.settings.excluded
+    fewer = [f.hypothesis.names for f in pool if f.hypothesis.names < named.hypothesis.names and f.total < most]
+    return [name for name in found if any(name not in names for names in fewer)]
 
 
 def _competes(other: Fitted, named: Fitted) -> bool:
-    """Return whether a near hypothesis is another answer of about the same simplicity."""
+    """Return whether a near hypothesis is another answer: as simple, or but one parameter richer and better."""
     return (
         other is not named
-        and other.simplicity <= named.simplicity + 1.0 + 1e-6
+        and other.simplicity <= named.simplicity + (other.total < named.total) + 1e-6
         and not named.hypothesis.names <= other.hypothesis.names
         and _distinguished(other) != _distinguished(named)
     )
@@ -153,7 +165,9 @@ def _distinguished(fitted: Fitted) -> frozenset[str]:
     return frozenset(min([p.candidate.name, *p.variant.same_as]) for p in fitted.hypothesis.parts)
 
 
-def _kind(named: Fitted, null: Fitted, competitors: Sequence[Fitted]) -> tuple[Kind, tuple[str, ...]]:
+def _kind(
+    named: Fitted, null: Fitted, competitors: Sequence[Fitted], weak: Sequence[str]
+) -> tuple[Kind, tuple[str, ...]]:
     settings = null.ground.settings
     before, after = null.error, named.error
     if named is null:
@@ -165,7 +179,6 @@ def _kind(named: Fitted, null: Fitted, competitors: Sequence[Fitted]) -> tuple[K
         return "unexplained", (f"the best law found leaves {100.0 * left:.0f}% of the held-out gap",)
     if competitors:
         return "ambiguous", ()
-    weak = not_zero(named)
     if weak:
         return "unexplained", (f"the interval of {', '.join(weak)} contains zero",)
     if after < settings.near_noise:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, Protocol
 
 import cv2
@@ -199,9 +200,10 @@ class Outline:
 
     @property
     def unit(self) -> Floats:
-        size = self._size()
+        size = self._size
         return np.array([size, size, 1.0, 1.0])
 
+    @cached_property
     def _size(self) -> float:
         return float(np.sqrt(abs(_area(self.shape)) / np.pi))
 
@@ -227,7 +229,7 @@ class Outline:
 
     def radius(self, pose: Floats) -> float:
         """Radius [px] of the circle of the same area."""
-        return float(self._size() * np.exp(pose[3]))
+        return float(self._size * np.exp(pose[3]))
 
     def depth(self, pose: Floats) -> float:
         """The layer."""
@@ -275,7 +277,7 @@ def _centroid(polygon: Floats) -> Floats:
 
 def _sampled(polygon: Floats, moved: Floats, most: int) -> Contour:
     """Points at equal distances along a polygon (V, 2) whose vertices move at rates (P, V, 2)."""
-    after = np.roll(np.arange(len(polygon)), -1)
+    after = np.append(np.arange(1, len(polygon)), 0)
     edge = polygon[after] - polygon
     length = np.maximum(np.linalg.norm(edge, axis=1), 1e-12)
     total = np.concatenate([[0.0], np.cumsum(length)])

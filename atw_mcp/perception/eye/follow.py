@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -10,7 +10,18 @@ from scipy.optimize import linear_sum_assignment
 from atw_mcp.perception.eye.bodies import Outline
 from atw_mcp.perception.eye.likelihood import Scene
 from atw_mcp.perception.eye.pixels import Floats
-from atw_mcp.perception.eye.states import State, candidates, in_view, motion_prior, present, score, state_at
+from atw_mcp.perception.eye.states import (
+    State,
+    candidates,
+    competitors,
+    in_view,
+    motion_prior,
+    peaks,
+    present,
+    score,
+    state_at,
+    vacant,
+)
 
 States = dict[int, State]
 
@@ -157,7 +168,7 @@ def _again(scene: Scene, body: int, frame: int) -> State | None:
         starts.append((poses[frame - 1] + poses[frame + 1]) / 2)
     starts = [pose for pose in starts if in_view(scene, body, pose)]
     if not starts:
-        return None
+        return _searched(scene, body, frame)
     centre = scene.bodies[body].centre
     first = centre(starts[0])
     far = [p for p in starts[1:] if np.linalg.norm(centre(p) - first) > 0.3 * radius(starts[0])]
@@ -168,7 +179,32 @@ def _again(scene: Scene, body: int, frame: int) -> State | None:
         for p in [starts[0], *far]
     ]
     spread = _bends(scene, body) if len(starts) > 1 else None
-    return max(states, key=lambda s: score(scene, body, s, course, spread))
+    best = max(states, key=lambda s: score(scene, body, s, course, spread))
+    if not present(scene, body, best):
+        return best
+    options = [best, *competitors(scene, body, frame, best)]
+    scores = np.array([score(scene, body, s, course, spread) for s in options])
+    most = int(np.argmax(scores))
+    return replace(options[most], posterior=float(1 / np.exp(scores - scores[most]).sum()))
+
+
+def _searched(scene: Scene, body: int, frame: int) -> State | None:
+    """Best state near the line between the nearest frames where a body is seen, or near the only one, if any."""
+    s, shape = scene.settings, scene.bodies[body]
+    known = np.flatnonzero(np.isfinite(scene.poses[body, :, 0]))
+    near = [*known[known < frame][-1:], *known[known > frame][:1]]
+    near = [int(k) for k in near if abs(k - frame) <= s.gap]
+    if not near:
+        return None
+    poses = scene.poses[body, near]
+    share = (frame - near[0]) / (near[-1] - near[0]) if len(near) > 1 else 0.0
+    about = poses[0] + share * (poses[-1] - poses[0])
+    apart = np.linalg.norm(shape.centre(poses[-1]) - shape.centre(poses[0])) / shape.radius(about)
+    reach = min(s.search + s.faster * float(apart), s.search_most)
+    starts = peaks(scene, body, frame, about, reach, s.fraction * scene.usual[body])
+    states = [state_at(scene, body, frame, pose, motion_prior(scene, body)) for pose in starts]
+    free = [state for state in states if vacant(scene, body, frame, state)]
+    return max(free, key=lambda state: score(scene, body, state, None), default=None)
 
 
 def _bends(scene: Scene, body: int) -> float:

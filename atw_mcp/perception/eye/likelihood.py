@@ -74,12 +74,15 @@ class Scene:
     def _shade(self, frame: int, points: Floats, own: tuple[int, Floats] | None) -> Array:
         """Log factor of the bodies' shade and its standard deviation (M, 2) at points: of the one that darkens most."""
         found = np.zeros((len(points), 2), np.float32)
+        low, high = points.min(axis=0), points.max(axis=0)
         for i, shade in enumerate(self.shades):
             pose = own[1] if own is not None and own[0] == i else self.poses[i, frame]
             if shade is None or not np.isfinite(pose[0]):
                 continue
-            body = self.bodies[i]
-            value = shade.at((points - body.centre(pose)) / body.radius(pose))
+            centre, radius = self.bodies[i].centre(pose), self.bodies[i].radius(pose)
+            if (centre + shade.reach * radius < low).any() or (centre - shade.reach * radius > high).any():
+                continue
+            value = shade.at((points - centre) / radius)
             stronger = np.abs(value[:, 0]) > np.abs(found[:, 0])
             found[stronger] = value[stronger]
         return found
@@ -102,16 +105,20 @@ class Scene:
         return np.asarray(np.logaddexp(logs, np.log(self.settings.unknown)))
 
     def log_odds(
-        self, body: int, frame: int, pose: Floats, points: Floats, *, anywhere: bool = False
+        self, body: int, frame: int, pose: Floats, points: Floats, *, anywhere: bool = False, besides: bool = False
     ) -> tuple[Array, Mask]:
         """Log odds (M,) that points (M, 2) show a body at a pose and not what is behind it; whether they can show it.
 
         A point cannot where it lies outside the picture or behind a nearer body. anywhere: the pose gives the depth
-        alone; colours are those of the whole body, and its own shade is not expected anywhere.
+        alone; colours are those of the whole body, and its own shade is not expected anywhere. besides: the body is at
+        the pose, with its shade, and points that it covers cannot show it elsewhere.
         """
         values = self.film.at(frame, points)
-        behind = self.log_background(frame, points, values, (body, np.full(4, np.nan) if anywhere else pose))
+        at = np.full(4, np.nan) if anywhere and not besides else pose
+        behind = self.log_background(frame, points, values, (body, at))
         free = self.film.inside(points)
+        if besides:
+            free &= ~self._covers(body, pose, points, 1.0)
         depth = self.bodies[body].depth(pose)
         if self.hiding is not None:
             free &= sampled(self.hiding, points.round())[:, 0] > depth
@@ -192,13 +199,18 @@ class Scene:
         return (int(low[0]), int(low[1])), (int(size[0]), int(size[1]))
 
     def own_pixels(self, body: int, frame: int, pose: Floats, rough: bool = False) -> tuple[Array, Floats]:
-        """Features (M, 3) and places on the body (M, 2) of pixels well inside its silhouette and not covered."""
+        """Features (M, 3) and places on the body (M, 2) of pixels well inside its silhouette and not covered.
+
+        rough: the silhouette may hold background; so does that of a body too small to have pixels well inside. Pixels
+        that look like it are left out, but where most do and the body is large.
+        """
         corner, size = self.window(body, pose, 1.0)
         if min(size) < 2:
             return np.zeros((0, 3), np.float32), np.zeros((0, 2))
         mask = filled(self.bodies[body].polygon(pose), corner, size)
         inner = _shrunk(mask, self.settings.edge_band)
-        mask = inner if inner.sum() >= self.settings.least_pixels else mask
+        small = inner.sum() < self.settings.least_pixels
+        mask = mask if small else inner
         v, u = np.nonzero(mask)
         points = np.stack([u + corner[0], v + corner[1]], axis=1).astype(float)
         keep = np.ones(len(points), bool)
@@ -212,18 +224,17 @@ class Scene:
         if not len(points):
             return np.zeros((0, 3), np.float32), np.zeros((0, 2))
         values = self.film.at(frame, points)
-        if rough:
+        if rough or small:
             expected, spread = self.background.at(points)
             other = (np.abs(values - expected) > 4 * spread).any(axis=1)
-            if other.mean() > 0.6:
+            if small or other.mean() > 0.6:
                 points, values = points[other], values[other]
         return values, self.bodies[body].local(pose, points)
 
     def learn_body(self, body: int, frames: list[int], *, rough: bool = False) -> None:
         """Learn a body's colours from the frames where it is seen.
 
-        rough: poses are hints, whose silhouettes may hold background; pixels that look like it are left out, unless
-        most do.
+        rough: poses are hints, whose silhouettes may hold background.
         """
         seen = [
             self.own_pixels(body, k, self.poses[body, k], rough) for k in frames if np.isfinite(self.poses[body, k, 0])

@@ -242,7 +242,7 @@ def _track(scene: Scene, body: int, states: States, seeds: dict[int, Floats]) ->
         seen = (1 - np.exp(-max(state.contrast, 0.0) / s.present)) * min(
             1.0, state.fit.decided / max(s.weak * usual, 1e-9)
         )
-        confidence[k] = seen * np.exp(-((2 * errors[k] / size) ** 2))
+        confidence[k] = seen * np.exp(-((2 * errors[k] / size) ** 2)) * state.posterior
     breaks, tied = _continuity(scene, shape, centres, poses, seeds)
     confidence[~tied] *= 0.5
     confidence[_outliers(shape, centres, poses, errors)] *= 0.5

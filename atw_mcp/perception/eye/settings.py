@@ -22,7 +22,7 @@ class EyeSettings:
     cell_blur: float = 1.0  # [cells] smoothness of the colours' weights over the body
     place_prior: float = 20.0  # [pixels] weight of the whole body's colours in a cell
     least_spread: tuple[float, float, float] = (0.06, 0.03, 0.03)  # of a colour: coding noise and aliased edges
-    least_pixels: int = 12  # of a body below which colours are not learned
+    least_pixels: int = 8  # of a body below which colours are not learned
     sampled_pixels: int = 4000  # of a body from which colours are learned; more change nothing
 
     # background and shade
@@ -66,7 +66,7 @@ class EyeSettings:
     peaks: int = 3  # of the search that are refined
     present: float = 0.5  # [nats] contrast of mean log odds, inside over around, from which on a body is seen
     fraction: float = 0.35  # of its usual contrast below which a body is not seen
-    support: float = 10.0  # independent pixels that a body counts for: model errors of its pixels are alike
+    support: float = 10.0  # independent pixels that a body counts for at the most: errors of its model are alike
     visible: float = 0.08  # share of a body's area from which on it is seen
     jump: float = 2.0  # [radii] between frames beyond the motion around: a break
     faster: float = 1.5  # times the motion around that is no jump, and is searched: a throw, a blow

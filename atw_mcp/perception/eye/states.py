@@ -14,12 +14,16 @@ from atw_mcp.perception.eye.silhouette import Fit, fit_pose
 
 @dataclass(frozen=True)
 class State:
-    """A fitted pose with what supports it: mean log odds inside and in a ring around it [nats], visible share."""
+    """A fitted pose with what supports it: mean log odds inside and in a ring around it [nats], visible share.
+
+    posterior: probability of its place against others in the same frame that could be the body's.
+    """
 
     fit: Fit
     inside: float
     around: float
     visible: float
+    posterior: float = 1.0
 
     @property
     def contrast(self) -> float:
@@ -60,15 +64,22 @@ def score(scene: Scene, body: int, state: State, predicted: Floats | None, sprea
     The motion's error has Cauchy tails in two coordinates, since bodies collide; spread: its scale [radii].
     """
     s, shape = scene.settings, scene.bodies[body]
-    total = s.support * state.contrast * state.visible
+    area = np.pi * shape.radius(state.fit.pose) ** 2
+    total = min(s.support, area / s.correlated**2) * state.contrast * state.visible
     if predicted is not None:
         apart = float(np.linalg.norm(shape.centre(state.fit.pose) - shape.centre(predicted)))
         total -= 1.5 * np.log1p((apart / ((spread or s.motion) * shape.radius(predicted))) ** 2)
     return total
 
 
-def peaks(scene: Scene, body: int, frame: int, pose: Floats, reach: float) -> list[Floats]:
-    """Poses of largest summed log odds about a pose, within `reach` [radii]: a correlation with the silhouette."""
+def peaks(
+    scene: Scene, body: int, frame: int, pose: Floats, reach: float, least: float, *, besides: bool = False
+) -> list[Floats]:
+    """Poses of largest summed log odds about a pose, within `reach` [radii]: a correlation with the silhouette.
+
+    least: mean log odds [nats] from which on they are found. besides: the body is at the pose, and what its silhouette
+    and its shade explain is no evidence of another place.
+    """
     s, shape = scene.settings, scene.bodies[body]
     radius, middle = shape.radius(pose), shape.centre(pose)
     pitch = max(1.0, radius / s.coarse)
@@ -79,7 +90,7 @@ def peaks(scene: Scene, body: int, frame: int, pose: Floats, reach: float) -> li
     if len(u) < 2 or len(v) < 2:
         return []
     grid = np.stack(np.meshgrid(u, v), axis=-1)
-    odds, free = scene.log_odds(body, frame, pose, grid.reshape(-1, 2), anywhere=True)
+    odds, free = scene.log_odds(body, frame, pose, grid.reshape(-1, 2), anywhere=True, besides=besides)
     image = np.where(free, odds, 0.0).reshape(grid.shape[:2]).astype(np.float32)
     polygon = (shape.polygon(pose) - middle) / pitch
     half = int(np.ceil(np.abs(polygon).max())) + 1
@@ -88,7 +99,7 @@ def peaks(scene: Scene, body: int, frame: int, pose: Floats, reach: float) -> li
     found = []
     for _ in range(s.peaks):
         row, column = divmod(int(np.argmax(summed)), summed.shape[1])
-        if summed[row, column] < 0.2 * s.present:
+        if summed[row, column] < least:
             break
         place = grid[row, column]
         if in_view(scene, body, shape.placed(place, pose)):
@@ -115,6 +126,27 @@ def candidates(
     for pose in [predicted, *others]:
         attempt(pose, 1)
     if not any(state.contrast > scene.settings.weak * scene.usual[body] for _, state in found):
-        for pose in peaks(scene, body, frame, about, reach):
+        for pose in peaks(scene, body, frame, about, reach, 0.2 * scene.settings.present):
             attempt(pose, 0)
     return found
+
+
+def competitors(scene: Scene, body: int, frame: int, state: State) -> list[State]:
+    """States elsewhere around one, that pixels support which it does not explain."""
+    s, shape, pose = scene.settings, scene.bodies[body], state.fit.pose
+    least = s.fraction * max(state.contrast, s.present)
+    found = []
+    for start in peaks(scene, body, frame, pose, s.search, least, besides=True):
+        other = state_at(scene, body, frame, start, motion_prior(scene, body))
+        apart = np.linalg.norm(shape.centre(other.fit.pose) - shape.centre(pose))
+        if apart > s.apart * shape.radius(pose) and present(scene, body, other) and vacant(scene, body, frame, other):
+            found.append(other)
+    return found
+
+
+def vacant(scene: Scene, body: int, frame: int, state: State) -> bool:
+    """Whether no other body is at a state's place."""
+    shape = scene.bodies[body]
+    centre, reach = shape.centre(state.fit.pose), scene.settings.apart * shape.radius(state.fit.pose)
+    others = [j for j in range(len(scene.bodies)) if j != body and np.isfinite(scene.poses[j, frame, 0])]
+    return all(np.linalg.norm(scene.bodies[j].centre(scene.poses[j, frame]) - centre) > reach for j in others)

@@ -37,8 +37,7 @@ def modelled(session: Session, **arguments: Any) -> dict[str, Any]:
 def test_a_video_becomes_a_committed_world_and_an_answer_in_four_calls(session: Session, clip: str) -> None:
     made = modelled(session, video=clip, objects=PAIR)
     case, data = made["case"], made["data"]
-    assert {m["object"]: m["track"] for m in data["matches"]} == {"left": "red_sphere", "right": "blue_sphere"}
-    assert all(m["confidence"] > 0.9 for m in data["matches"])
+    assert data["found_by_colour_and_size"] == ["left", "right"]
     assert data["verdict"].startswith("follows")
     assert {row["object"] for row in data["errors"]} == {"left", "right"}
     assert all(row["error_px"] < 1.5 and row["of_radius"] < 0.2 for row in data["errors"])
@@ -55,8 +54,11 @@ def test_each_step_is_evidence_of_its_own_tool_and_known_values_are_not_fitted(s
         record = session("ReadEvidence", evidence=step["evidence"])
         assert (record["tool"], record["status"]) == (step["tool"], "completed")
         tools.append(step["tool"])
-    assert tools == ["ObserveObjects", "CalibrateCamera", "ObserveObjects", "BuildWorld", "FitWorld"]
-    built, fitted = made["data"]["steps"][-2:]
+    assert tools == ["CalibrateCamera", "ObserveObjects", "BuildWorld", "FitWorld", "BuildWorld", "FitWorld"]
+    steps = made["data"]["steps"]  # balls may roll: a spatial world and a planar one are fitted, and one of them kept
+    kept = next(i for i in (3, 5) if session("ReadEvidence", evidence=steps[i]["evidence"])["source"]["world"]
+                == made["data"]["world"])  # fmt: skip
+    built, fitted = steps[kept - 1], steps[kept]
     assert built["arguments"]["seconds_per_frame"] == 0.05
     assert {"paths": ["objects.left.mass"], "fixed": True} in fitted["arguments"]["parameters"]
     # The same call by hand gives the same world: there is no second path.
@@ -85,13 +87,13 @@ def test_a_failed_step_is_named_with_its_cure_and_the_next_call_goes_on(session:
     failed = session._call("ModelVideo", {**asked, "fit": wrong})
     text = failed.content[0].text
     assert failed.is_error
-    for part in ("stopped at FitWorld", "nobody", "Done and kept: ObserveObjects ev-", "BuildWorld ev-"):
+    for part in ("stopped at FitWorld", "nobody", "Done and kept: ", "ObserveObjects ev-", "BuildWorld ev-"):
         assert part in text
     (case,) = (row[0] for row in session.store_rows("SELECT id FROM cases"))
     record = session("ReadEvidence", evidence=text.rsplit("(evidence ", 1)[1].rstrip(")"))
     assert (record["status"], record["data"]["failed_step"]) == ("failed", "FitWorld")
     made = session("ModelVideo", case=case, objects=PAIR, fit=QUICK, patience_seconds=300)
-    assert [step["tool"] for step in made["data"]["steps"]] == ["BuildWorld", "FitWorld"]
+    assert [step["tool"] for step in made["data"]["steps"]][:2] == ["BuildWorld", "FitWorld"]
 
 
 def test_what_can_be_refused_is_refused_before_anything_is_observed(session: Session, clip: str) -> None:

@@ -12,7 +12,7 @@ from scipy.stats import norm
 from polyworld.data.recording import Recording, Run
 from polyworld.gap import GapSettings
 from polyworld.gap.catalogue import named
-from polyworld.gap.choose import choose, score, winners
+from polyworld.gap.choose import choose, resampled, score, winners
 from polyworld.gap.fitting import Fitted, fit
 from polyworld.gap.ground import ground_of
 from polyworld.gap.hypothesis import Hypothesis, extended
@@ -59,6 +59,15 @@ def test_a_gain_in_one_run_alone_does_not_decide() -> None:
     choice = choose([plain, rich], SETTINGS, 1.0)
     assert choice.best is rich
     assert choice.chosen is plain
+
+
+def test_noise_moves_a_difference_of_scores_by_the_distance_of_predictions() -> None:
+    """Var(log-likelihood ratio) of two predictions d standard deviations apart is d^2 (Cox 1961)."""
+    right, other = predicted(np.ones(6), 1.0), predicted(np.ones(6), 1.0)
+    other.grids = tuple(g + 0.05 for g in right.grids)
+    assert score([right, other], COUNTS) == 1.0
+    totals = resampled([right, other], SETTINGS, 1.0)
+    assert np.std(totals[:, 1] - totals[:, 0]) == pytest.approx(0.05 * np.sqrt(6 * 6000), rel=0.15)
 
 
 def test_intervals_are_those_of_ordinary_least_squares() -> None:

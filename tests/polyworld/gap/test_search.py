@@ -58,10 +58,27 @@ def test_an_effect_that_is_not_on_offer_stays_unexplained() -> None:
     assert report.verdict.kind == "unexplained"
 
 
-def test_drag_of_an_exponent_between_those_of_the_catalogue_is_named_with_a_remainder() -> None:
+def test_drag_of_an_exponent_between_those_of_the_catalogue_is_no_quadratic_drag() -> None:
+    """The nearest law takes most of the effect; an expression with the true exponent predicts better."""
     report = found(hidden(Bouncing(acceleration=power(0.06, 1.75)), sigma=0.0005), ("quadratic_drag", "tilt"))
-    assert (report.verdict.kind, report.names) == ("identified_with_remainder", ("quadratic_drag",))
+    assert (report.verdict.kind, report.names) == ("unexplained", ("quadratic_drag",))
     assert 1.5 < report.verdict.after < 0.5 * report.verdict.before
+    assert report.force is not None
+    assert report.force.to_dict()["speed_exponent"][0]["value"] == pytest.approx(1.75, abs=0.05)
+
+
+def test_drag_of_the_catalogue_is_named_although_an_expression_can_have_any_exponent() -> None:
+    report = found(hidden(Bouncing(acceleration=power(0.06)), sigma=0.0005), ("quadratic_drag", "tilt"))
+    assert (report.verdict.kind, report.names) == ("identified", ("quadratic_drag",))
+
+
+def test_a_push_that_decays_is_no_tilt() -> None:
+    """Of half a second, so weak that tilt reaches the noise by ordinary measures."""
+    push = np.array([0.0, 0.6, 0.0])
+    ball = Bouncing(acceleration=lambda t, _x, _v, _w: push * np.exp(-t / 0.3))
+    report = found(hidden(ball, runs=6), ("tilt", "linear_drag"))
+    assert report.verdict.after < 1.5
+    assert report.verdict.kind == "unexplained"
 
 
 def test_a_base_unknown_is_fitted_and_not_offered_as_an_effect() -> None:
