@@ -23,7 +23,7 @@ from polyworld.world import World
 Array = NDArray[np.float64]
 LEVELS = {"80%": (10.0, 90.0), "95%": (2.5, 97.5)}
 AGGREGATIONS: dict[str, Aggregation] = {"whether": "any", "when": "first", "how_often": "count"}
-UNITS = {"when": "s", "how_often": "times", "how_fast": "m/s", "how_far": "m"}
+UNITS = {"when": "s", "how_often": "times", "where": "m", "how_fast": "m/s", "how_far": "m"}
 
 
 class _Asked(BaseModel):
@@ -229,27 +229,19 @@ def _measured(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> 
     parameters = varying(ensemble.parameters, known)
     far = np.array([_travelled(q, ensemble, int(i)) for i in known])[:, None]
     values = states[known]
+    widest = int(np.argmax(np.ptp(np.percentile(values, (10, 90), axis=0), axis=0)))
+    found |= {"unit": UNITS[q.ask], "goes_with": [r.to_dict() for r in relations(parameters, values[:, widest])]}
     if q.ask == "how_fast":
-        return found | {
-            "unit": UNITS[q.ask],
-            "value": likely(values[:, 0]),
-            "goes_with": [r.to_dict() for r in relations(parameters, values[:, 0])],
-        }
+        return found | {"value": likely(values[:, 0])}
     spread = with_model_error(values, far)
     if q.ask == "how_far":
-        return found | {
-            "unit": UNITS[q.ask],
-            "value": likely(np.abs(spread[:, 0])),
-            "goes_with": [r.to_dict() for r in relations(parameters, values[:, 0])],
-        }
-    found |= {"unit": "m", "place": {axis: likely(spread[:, i]) for i, axis in enumerate("xyz")}}
+        return found | {"value": likely(np.abs(spread[:, 0]))}
+    found["place"] = {axis: likely(spread[:, i]) for i, axis in enumerate("xyz")}
     if world.camera is not None:
         pixels = world.camera.project(spread)
         pixels = pixels[np.isfinite(pixels).all(axis=1)]
         if len(pixels):
             found["place"] |= {axis: likely(pixels[:, i]) for i, axis in enumerate("uv")}
-    widest = int(np.argmax(np.ptp(np.percentile(values, (10, 90), axis=0), axis=0)))
-    found["goes_with"] = [r.to_dict() for r in relations(parameters, values[:, widest])]
     return found
 
 

@@ -13,7 +13,7 @@ from atw_mcp.calls.intervals import Span
 from atw_mcp.probing import readouts
 from atw_mcp.probing.ensembles import Ensemble
 from atw_mcp.probing.prediction_errors import SETTINGS, chances, distance
-from polyworld.estimation.model_error import with_model_error
+from polyworld.estimation.model_error import travelled, with_model_error
 from polyworld.probing.compare import Comparison, compare
 from polyworld.probing.ensemble_statistics import (
     LEVEL,
@@ -201,7 +201,7 @@ def trajectory_answer(
         periods.append(readouts.periods_of(rollout, name, own) or {})
     table = np.stack(tables)  # (N, T, columns)
     since = ensemble.fitted_until
-    far = np.array([[distance(r, [name], since, max(t, since)) for t in times] for r in ensemble.rollouts])
+    far = np.array([_travelled(r, name, since, times) for r in ensemble.rollouts])
     spread = with_model_error(table, np.where(np.isin(chosen, ("x", "y", "z")), far[..., None], 0.0))
     cells = [[_cell(spread[:, t, c]) for c in range(len(chosen))] for t in range(len(times))]
     about: dict[str, Any] = {
@@ -318,6 +318,13 @@ def _counted(timelines: Sequence[list[dict[str, Any]]]) -> list[dict[str, Any]]:
         for (what, objects), found in times.items()
     ]
     return sorted(counted, key=lambda row: -row["true"])[:MOST_EVENTS]
+
+
+def _travelled(rollout: Rollout, name: str, since: float, times: Array) -> Array:
+    """Distance (T,) [m] that an object travels from `since` to each of some times, 0 before it."""
+    trajectory = rollout.trajectory
+    path = travelled(trajectory.positions[:, trajectory.index(name)])
+    return np.interp(np.maximum(times, since), trajectory.times, path) - np.interp(since, trajectory.times, path)
 
 
 def _interpolated(times: Array, rows: Array) -> Array:

@@ -91,7 +91,7 @@ class ModelSettings:
     frames averages out, and alike: samples that count as one where it outweighs the noise: 80% intervals of scenes by
     other engines hold 10% more for it. path: half width of the error of a predicted place, as a share of the distance
     travelled since the last fitted frame: chosen on the questions of `tests.benchmarks.foresight` about two clips; 80%
-    intervals of scenes by other engines then hold 80%, and 66% without it."""
+    intervals of scenes by other engines then hold 86% a second later, and 67% without it."""
 
     tolerance: float = 0.002
     drift: float = 0.05

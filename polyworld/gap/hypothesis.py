@@ -18,8 +18,6 @@ from polyworld.world.parameters import with_parameters
 
 Array = NDArray[np.float64]
 
-TOLERATED = ("gravity_error", "tilt", "observer_tilt")  # what every scene has a little of
-
 
 @dataclass(frozen=True)
 class Part:
@@ -126,12 +124,6 @@ class Hypothesis:
                     known = settings.level * size if size else known
                 width.append(known)
         return np.array(width)
-
-    def tolerated(self, values: Array, settings: GapSettings) -> frozenset[str]:
-        """Return the names of effects whose values (S,) are within what gravity and the horizontal are known to."""
-        within = np.abs(values - [u.start for u in self.unknowns]) <= self.widths(settings)
-        named = [(i, p.candidate.name) for i, p in enumerate(self.parts) if p.candidate.name in TOLERATED]
-        return frozenset(name for i, name in named if within[self.of_part(i)].all())
 
     def possible(self, values: Array, settings: GapSettings) -> bool:
         """Return whether places are within reach and strengths within what physics makes possible."""

@@ -67,9 +67,7 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
         if named is choice.chosen and len(gains) >= settings.core * len(drawn) and much:
             named = max(gains, key=lambda f: sum(g is f for g in gains))
         weak = set(_weak(named, pool, share)) if len(named.hypothesis.parts) > 1 else set()
-        fewer = [
-            f for f in trusted if weak and f.hypothesis.parts and f.hypothesis.names == named.hypothesis.names - weak
-        ]
+        fewer = [f for f in trusted if weak and f is not null and f.hypothesis.names == named.hypothesis.names - weak]
         named = min(fewer, key=lambda f: f.total, default=named)
     competitors = [f for f in choice.near if _competes(f, named)]
     if one_course and named is not null:
@@ -77,9 +75,9 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
         likely = [f for f in trusted if f.error < enough and len(f.hypothesis.parts) == 1]
         likely = [f for f in likely if all(p.candidate.plain for p in f.hypothesis.parts) and f is not null]
         competitors += [f for f in likely if _competes(f, named) and not any(f is g for g in competitors)]
-    stable = float(np.mean([named.hypothesis.names <= f.hypothesis.names for f in drawn]))
     before, after = null.error, named.error
     lost = [f for f in drawn if not named.hypothesis.names <= f.hypothesis.names]
+    stable = 1.0 - len(lost) / len(drawn)
     if share == 1.0:  # of other laws the difference decides, whose noise is known: that fewer do is left to ask
         lost = [f for f in lost if f.hypothesis.names < named.hypothesis.names]
     if len(lost) > settings.share * len(drawn) and not competitors:
@@ -119,8 +117,7 @@ def _in_one_run(part: Part, named: Fitted, trusted: Sequence[Fitted], null: Fitt
 def _needed(named: Fitted, trusted: Sequence[Fitted], frequency: dict[str, float]) -> Fitted:
     """Return the hypothesis without the laws that bootstraps do not keep, or that matter less than model error does.
 
-    Where a remainder is left, what lowers it by little may be a part of it; of what lies within the tolerances to which
-    gravity and the horizontal are known, more is: it has to halve the error to be a name.
+    Where a remainder is left, what lowers it by little may be a part of it.
     """
     settings = named.ground.settings
     while len(named.hypothesis.parts) > 1:
@@ -129,8 +126,7 @@ def _needed(named: Fitted, trusted: Sequence[Fitted], frequency: dict[str, float
         error = named.error
         for f in sorted(fewer, key=lambda f: f.total):
             (dropped,) = named.hypothesis.names - f.hypothesis.names
-            tolerated = dropped in named.hypothesis.tolerated(named.values, settings)
-            small = (settings.halved if tolerated else settings.matters) * f.error < error
+            small = settings.matters * f.error < error
             if small and (error > settings.near_noise or frequency.get(dropped, 0.0) < settings.core):
                 named = f
                 break

@@ -67,7 +67,7 @@ async def examine(clip: str, key: Key, folder: Path) -> dict[str, Any]:
     """Answer the questions of a clip, and score them."""
     sizes: list[int] = []
     began = time.perf_counter()
-    async with Client(build_server(folder / f"{clip}.db")) as agent:
+    async with Client(build_server(folder / f"{clip}.db", allow=[FOLDER])) as agent:
 
         async def call(tool: str, **arguments: Any) -> dict[str, Any]:
             result = await agent.call_tool(tool, arguments)
@@ -115,6 +115,8 @@ async def examine(clip: str, key: Key, folder: Path) -> dict[str, Any]:
 def main() -> None:
     """Examine all clips and print a line for each."""
     parser = argparse.ArgumentParser(description=__doc__)
+    if not (FOLDER / "truth.json").exists():
+        parser.exit(1, f"the clips are not there: {FOLDER}\n")
     keys = json.loads((FOLDER / "truth.json").read_text())
     parser.add_argument("--clips", nargs="*", default=list(keys), choices=list(keys))
     rows = []

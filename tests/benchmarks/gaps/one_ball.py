@@ -26,11 +26,7 @@ EFFECTS = {
     "b_spin": "spin_coupling", "OOC_cubic_drag": None, "OOC_decay": None, "OOC_aniso_drag": None,
 }  # fmt: skip
 ALIKE = {"friction_error": "bounce_friction"}  # of bounces at one angle, in a world without friction
-# Also right: wind brings its drag; a restitution that falls with the speed about that of 3 m/s is another one at rest.
-MORE = {
-    "wind": Names(("wind", "quadratic_drag")),
-    "restitution_speed": Names(("restitution_speed", "restitution_error")),
-}
+MORE = {"wind": Names(("wind", "quadratic_drag"))}  # also right: wind brings its drag
 # Coulomb friction of bounces that spin does not act on is none of the catalogue's two, and nearly either.
 NEARLY = {"b_fric"}
 
