@@ -12,7 +12,7 @@ where it is needed, so that the others start quickly.
   `Annotated[T, Field(description=..., ge=..., max_length=...)]`. Nested models need `extra="forbid"`. Lists
   instead of tuples. The docstring is the tool's description; it and the field descriptions are all an agent
   reads. Unknown arguments are refused by the toolbox, naming the valid ones.
-- State: `app.case(id)` in either stage; `app.case_to_model(id, "ToolName")` in construction tools;
+- State: `app.case(id)`;
   `case, world = app.case_to_probe(id, "ToolName")` in experimentation tools; `app.world(case, id_or_None)`;
   `app.keep_world(...)`; `app.store` for the rest. All raise `ToolError` with the next step.
 - The function runs in a worker thread. It returns an `Answer` (summary, data, provenance, pictures): the

@@ -93,13 +93,11 @@ class Cases:
         return self.get(identifier)
 
     def commit_world(self, identifier: str, world_id: str) -> None:
-        """Fix the world every probe of the case starts from; raises StoreError where one is fixed already."""
+        """Set the world that probes of the case start from; earlier ones remain worlds of the case."""
         with self._connection.write() as database:
             rows = self._of(database, identifier)
             if not rows:
                 raise UnknownRecord(f"no case {identifier!r}; cases: {[case.id for case in self.all()]}")
-            if rows[0]["committed_world"] is not None:
-                raise StoreError(f"case {identifier!r} already has the committed world {rows[0]['committed_world']}")
             self._connection.change("cases", "id", {**rows[0], "committed_world": world_id})
 
     def add_question(self, identifier: str, text: str) -> None:

@@ -1,4 +1,4 @@
-"""State that all tools share: the store, the jobs, and the case asked about, checked to be in the right stage."""
+"""State that all tools share: the store, the jobs, and the case asked about, and its worlds."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class App:
         """Folder beside the store with results of models that are too large for it."""
         return self.store.path.parent / "models"
 
-    # --- cases and stages ---
+    # --- cases ---
 
     def case(self, identifier: str) -> Case:
         """The case; raises ToolError naming the cases there are."""
@@ -81,17 +81,6 @@ class App:
             raise ToolError(
                 f"{error}. Next: OpenCase(video=PATH) opens one, OpenCase(name=NAME) one without a file"
             ) from error
-
-    def case_to_model(self, identifier: str, tool: str) -> Case:
-        """The case, refused once its world is committed (construction tools)."""
-        case = self.case(identifier)
-        if case.committed_world is not None:
-            raise ToolError(
-                f"{tool} belongs to World Modeling, and case {case.id!r} has the committed world "
-                f"{case.committed_world}: probe it with Rollout(case={case.id!r}), or open the video again as an "
-                "independent case with OpenCase(..., name=NEW_NAME)"
-            )
-        return case
 
     def case_to_probe(self, identifier: str, tool: str, wanted: str | None = None) -> tuple[Case, World]:
         """Return the case and its committed world, refused before there is one (experimentation tools).
@@ -134,6 +123,11 @@ class App:
                 raise ToolError(f"case {case.id!r} has no world yet. Next: BuildWorld(case={case.id!r})")
             wanted = known[-1]
         return _parsed(self.store.worlds.document(wanted))
+
+    def draft(self, case: Case, identifier: str | None = None) -> World:
+        """A world to model further: the one named, else the latest of the case that no edit made."""
+        drafts = [world for world, origin in self.store.cases.worlds(case.id) if origin != "intervention"]
+        return self.world(case, drafts[-1] if identifier is None and drafts else identifier)
 
     def keep_world(
         self,

@@ -113,11 +113,8 @@ def lineage(app: App, case: Case, world: World) -> Lineage:
             if descent.how == "intervention":
                 waiting.append((descent.parent, (*descent.detail["edits"], *edits)))
     raise ToolError(
-        f"{world.id} has no posterior sample, because it does not come from a completed fit: leave ensemble out, or "
-        f"open the case again under another name and fit the world with FitWorld before CommitWorld (case {case.id!r} "
-        "is committed)"
-        if case.committed_world is not None
-        else f"{world.id} has no posterior sample: FitWorld(case={case.id!r}) makes one"
+        f"{world.id} has no posterior sample, because it does not come from a completed fit: "
+        f"FitWorld(case={case.id!r}, world=...) makes a world that has one; CommitWorld then chooses it"
     )
 
 

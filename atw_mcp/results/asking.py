@@ -50,5 +50,6 @@ class AnswersToAll(Result):
 
     answers: list[AnswerToOne] = Field(description="one for each question, in order")
     members: int = Field(description="worlds that the data allow, each asked everything")
+    weights: dict[str, float] | None = Field(default=None, description="of the candidate worlds named, by id")
     until: float = Field(description="time to which they were run [s]")
     observed_until: float = Field(description="last observed frame [s]")

@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+import numpy as np
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field, WithJsonSchema
 
@@ -18,6 +19,7 @@ from atw_mcp.calls.names import object_name
 from atw_mcp.calls.results import Answer, explained
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.probing.asking import AGGREGATIONS, Asked, HowFar, Question, answered
+from atw_mcp.probing.candidates import counts, mixture, weights
 from atw_mcp.probing.ensembles import MEMBERS, Ensemble, compute_ensemble, lineage
 from atw_mcp.results.asking import AnswersToAll
 from atw_mcp.tools.experimentation import PATIENCE, CaseId, read_edits
@@ -43,9 +45,9 @@ SHOWN_RELATIONS = 2  # in words: the strongest
 
 @dataclass(frozen=True)
 class _Plan:
-    """A changed copy of the world, and the numbers of the questions that are asked of it."""
+    """A changed copy of each candidate world, and the numbers of the questions that are asked of them."""
 
-    world: World
+    worlds: tuple[World, ...]
     edits: tuple[dict[str, Any], ...]
     numbers: tuple[int, ...]
 
@@ -72,7 +74,14 @@ def ask(
             gt=0,
         ),
     ] = None,
-    world: Annotated[str, Field(description="'committed', or the id of a branch of it")] = "committed",
+    worlds: Annotated[
+        list[str] | None,
+        Field(
+            description="candidate worlds, weighted by their errors on frames left out; default: the committed one",
+            min_length=1,
+            max_length=8,
+        ),
+    ] = None,
 ) -> LongWork:
     """Answer several questions at once: whether, when, how often, which first, where, how fast, how far, each of the
     world as it is or with edits made before the start. Worlds with equal edits are run once. Every question is asked of
@@ -80,15 +89,25 @@ def ask(
     the model's own error, the parameter that decides the answer or that it goes with, and whether any frame shows that
     parameter. Each answer is evidence of its own and names the rollout to look at closer with ReadEvents,
     ReadTrajectory, QueryWorld, CompareWorlds and InspectRollout."""
-    found, committed = app.case_to_probe(case, "Ask", None if world == "committed" else world)
-    base = committed if world == "committed" else app.world(found, world)
-    lineage(app, found, base)  # refused before any work
+    if worlds is None:
+        found, committed = app.case_to_probe(case, "Ask")
+        bases: tuple[World, ...] = (committed,)
+    else:
+        found = app.case(case)
+        bases = tuple(app.world(found, one) for one in dict.fromkeys(worlds))
+    for one_base in bases:
+        lineage(app, found, one_base)  # refused before any work
+    named, shares = bases, weights(app, found, bases)
+    sizes = counts(shares, MEMBERS)
+    order = [int(k) for k in np.argsort(-shares, kind="stable") if sizes[k]]
+    bases = tuple(bases[k] for k in order)
+    base = bases[0]
     read: list[Asked] = []
     plans: dict[str, _Plan] = {}
     for number, given in enumerate(questions, start=1):
         what = f"question {number}"
         try:
-            branched, edits, one = _read(app, found, base, given, what)
+            branched, edits, one = _read(app, found, bases, given, what)
         except ToolError as error:
             said = str(error)
             raise ToolError(said if said.startswith(what) else f"{what}: {said}") from error
@@ -102,11 +121,12 @@ def ask(
     if late:
         raise ToolError(f"question {late[0]} asks for {read[late[0] - 1].latest:g} s, after horizon_seconds {wanted:g}")
     for plan in plans.values():
-        with explained("Ask with a shorter horizon"):
-            horizon = checked_horizon(plan.world, wanted)
-            check_sizes(plan.world, app.limits, horizon)
-        if plan.world.id != base.id:
-            app.keep_world(found, plan.world, how="intervention", parent=base, detail={"edits": list(plan.edits)})
+        for parent, changed in zip(bases, plan.worlds, strict=True):
+            with explained("Ask with a shorter horizon"):
+                horizon = checked_horizon(changed, wanted)
+                check_sizes(changed, app.limits, horizon)
+            if changed.id != parent.id:
+                app.keep_world(found, changed, how="intervention", parent=parent, detail={"edits": list(plan.edits)})
 
     def work(progress: Progress) -> Answer:
         rows: dict[int, dict[str, Any]] = {}
@@ -118,14 +138,19 @@ def ask(
 
             report(0.0)
             with explained():
-                rollout, best = compute_rollout(app, plan.world, horizon)
-                ensemble = compute_ensemble(app, found, plan.world, horizon, None, MEMBERS, report)
+                rollout, best = compute_rollout(app, plan.worlds[0], horizon)
+                parts = [
+                    compute_ensemble(app, found, changed, horizon, None, sizes[k], report)
+                    for k, changed in zip(order, plan.worlds, strict=True)
+                ]
+                ensemble = mixture(parts, [shares[k] for k in order])
                 for i in plan.numbers:
                     rows[i] = _answer(app, found, plan, rollout, best, read[i], ensemble, questions[i])
-        return _together(found, base, [rows[i] for i in range(len(read))], horizon, observed)
+        weighed = None if worlds is None else {named[k].id: float(shares[k]) for k in range(len(named))}
+        return _together(found, base, [rows[i] for i in range(len(read))], horizon, observed, weighed)
 
     return LongWork(
-        f"ask {base.id} {horizon} {json.dumps(questions, sort_keys=True, default=str)}",
+        f"ask {' '.join(w.id for w in named)} {horizon} {json.dumps(questions, sort_keys=True, default=str)}",
         work,
         Answer(
             summary=f"asking {len(read)} questions of {MEMBERS} worlds over {horizon:g} s, {len(plans)} sets of edits",
@@ -138,13 +163,19 @@ def ask(
     )
 
 
-def _read(app: App, case: Case, base: World, given: Any, what: str) -> tuple[World, tuple[dict[str, Any], ...], Asked]:
-    """Return the world that a question is asked of, its edits, and the question with the world's own names."""
+def _read(
+    app: App, case: Case, bases: tuple[World, ...], given: Any, what: str
+) -> tuple[tuple[World, ...], tuple[dict[str, Any], ...], Asked]:
+    """Return the worlds that a question is asked of, its edits, and the question with the worlds' own names."""
+    base = bases[0]
     question = read_form(tagged(given, Question, "ask", what=what, example=EXAMPLE), Question, "ask", what=what)
     edits = read_edits(app, case, base, question.edits, f"{what}, ")
-    with explained(f"InspectWorld(case={case.id!r}, world={base.id!r}) lists objects, statics and effects"):
-        check_additions(base, edits, app.limits)
-        branched = branch(base, edits)
+    changed_worlds = []
+    for one in bases:
+        with explained(f"InspectWorld(case={case.id!r}, world={one.id!r}) lists objects, statics and effects"):
+            check_additions(one, edits, app.limits)
+            changed_worlds.append(branch(one, edits))
+    branched = changed_worlds[0]
     given_statements = (
         question.predicates
         if hasattr(question, "predicates")
@@ -163,7 +194,7 @@ def _read(app: App, case: Case, base: World, given: Any, what: str) -> tuple[Wor
     if interval is not None and interval[0] > interval[1]:
         raise ToolError(f"{what}: interval is start, end with start <= end, got {interval}")
     documents = tuple(edit.model_dump(mode="json", exclude_none=True) for edit in edits)
-    return branched, documents, Asked(question, statements)
+    return tuple(changed_worlds), documents, Asked(question, statements)
 
 
 def _answer(
@@ -177,8 +208,9 @@ def _answer(
     given: Any,
 ) -> dict[str, Any]:
     """Answer one question and record it as evidence of its own."""
-    about = answered(asked, ensemble, best, plan.world)
-    unseen = {name.removeprefix("objects.") for name in lineage(app, case, plan.world).sample.document["from_bounds"]}
+    about = answered(asked, ensemble, best, plan.worlds[0])
+    samples = [lineage(app, case, world).sample for world in plan.worlds]
+    unseen = {name.removeprefix("objects.") for sample in samples for name in sample.document["from_bounds"]}
     named = [about["decided_by"]["parameter"]] if about.get("decided_by") else []
     named += [row["parameter"] for row in about.get("goes_with") or []]
     row: dict[str, Any] = {"question": _with_edits(plan, asked.in_words(best.horizon))}
@@ -190,7 +222,7 @@ def _answer(
             summary=f"{row['question']}: {row['answer']}",
             data=row,
             case=case.id,
-            world=plan.world.id,
+            world=plan.worlds[0].id,
             rollout=rollout,
             objects=asked.names,
             interval=(0.0, best.horizon),
@@ -241,8 +273,16 @@ def _spread(about: dict[str, Any]) -> str:
     return f"{narrow['median']:g} ({low:g} to {high:g})"
 
 
-def _together(case: Case, base: World, rows: list[dict[str, Any]], horizon: float, observed: float) -> Answer:
-    whole = {"members": MEMBERS, "until": horizon, "observed_until": observed}
+def _together(
+    case: Case,
+    base: World,
+    rows: list[dict[str, Any]],
+    horizon: float,
+    observed: float,
+    weighed: dict[str, float] | None,
+) -> Answer:
+    whole: dict[str, Any] = {"members": MEMBERS, "until": horizon, "observed_until": observed}
+    whole |= {} if weighed is None else {"weights": weighed}
     return Answer(
         summary=f"{len(rows)} answers of {MEMBERS} worlds that the data allow, run to {horizon:.4g} s",
         data={"answers": rows, **whole},

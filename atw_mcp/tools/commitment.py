@@ -1,4 +1,4 @@
-"""World construction, its end: the world is committed."""
+"""World construction, its end: a world is committed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.fitting.verdict import cure, verdict_of
 from atw_mcp.results.commitment import CommittedWorld
 from atw_mcp.tools.world_arguments import CaseId
-from evidence_store import StoreError
 
 GROUP = ToolGroup("world construction")
 
@@ -25,9 +24,9 @@ def commit_world(
     world: Annotated[str, Field(description="id of the world every probe will start from")],
     even_if_failed: Annotated[bool, Field(description="commit a world whose fit failed all the same")] = False,
 ) -> Answer:
-    """End World Modeling: fix the world that every probe of this case starts from. This is final for the case
-    (OpenCase with another name opens the same file afresh). Next: Rollout."""
-    found = app.case_to_model(case, "CommitWorld")
+    """Choose the world that probes of this case start from. The case may be modelled further and another world
+    committed: each commit is evidence, and an answer names the world it rests on. Next: Ask."""
+    found = app.case(case)
     chosen = app.world(found, world)
     judged = verdict_of(app, chosen.id)
     verdict = "good" if judged is None else judged["verdict"]
@@ -36,19 +35,19 @@ def commit_world(
             f"the fit of {chosen.id} failed ({judged['why']}). Next: {cure(found.id, chosen.id)}; or CommitWorld with "
             "even_if_failed=true"
         )
-    try:
-        app.store.cases.commit_world(found.id, chosen.id)
-    except StoreError as error:  # another process was faster
-        raise ToolError(f"{error}. Next: Rollout(case={found.id!r})") from error
+    before = found.committed_world
+    app.store.cases.commit_world(found.id, chosen.id)
     names = chosen.moving_names
     warning = [] if judged is None or verdict == "good" else [f"the fit is {verdict}: {judged['why']}"]
     return Answer(
-        summary=f"committed {chosen.id}: World Probing begins" + "".join(f". WARNING: {text}" for text in warning),
+        summary=f"committed {chosen.id}: probes start from it"
+        + (f" instead of {before}" if before not in (None, chosen.id) else "")
+        + "".join(f". WARNING: {text}" for text in warning),
         data={
             "world": chosen.id,
             "objects": list(names),
             "warnings": warning,
-            "next": f"Rollout(case={found.id!r})",
+            "next": f"Ask(case={found.id!r})",
         },
         case=found.id,
         world=chosen.id,

@@ -163,7 +163,7 @@ def build_world_tool(
     motion as its track begins, on a floor; with what is described in objects and parts. Friction, restitution, masses
     and stiffnesses are defaults until FitWorld fits them. A changed world is a new world; build as many drafts as
     needed. Next: FitWorld, or InspectRollout to look."""
-    found = app.case_to_model(case, "BuildWorld")
+    found = app.case(case)
     if world is not None:
         return _from_document(app, found, world, patience_seconds)
     with explained():

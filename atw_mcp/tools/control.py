@@ -117,11 +117,11 @@ def describe_tool(
 
 
 STAGES = {
-    "world construction": "World Modeling: refused once the case has a committed world (OpenCase is always allowed)",
-    "gap": "FindDiscrepancy and ProposeEffects in either stage; AddEffect is refused once a world is committed",
-    "world inspection": "either stage",
-    "world experimentation": "World Probing: refused until CommitWorld",
-    "execution control": "either stage",
+    "world construction": "World Modeling: at any time; what is made after a commit counts once it is committed",
+    "gap": "at any time",
+    "world inspection": "at any time",
+    "world experimentation": "World Probing: refused until CommitWorld, but for Ask of named worlds",
+    "execution control": "at any time",
 }
 
 

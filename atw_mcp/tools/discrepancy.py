@@ -190,7 +190,7 @@ def add_effect(
     worth is shown before and after on the data that were fitted, and then on the sealed data, which no step has seen:
     the gap in metres, the noise floor, the share closed. A gap that shrinks does not prove the name: the verdict of
     ProposeEffects does. Next: InspectRollout, CommitWorld."""
-    found = app.case_to_model(case, "AddEffect")
+    found = app.case(case)
     if (proposal is None) == (effect is None):
         raise ToolError("AddEffect takes a proposal (evidence id of ProposeEffects) or an effect, one of the two")
     if proposal is not None:
@@ -208,7 +208,7 @@ def add_effect(
             patience_seconds,
         )
     assert effect is not None
-    parent = _not_failed(app, found, app.world(found, world))
+    parent = _not_failed(app, found, app.draft(found, world))
     with explained(f"InspectWorld(case={found.id!r}, world={parent.id!r}) lists objects and effects"):
         law = effect.to_effect()
         with_parts(parent, effects=(*parent.effects, law))  # refused here, before any work

@@ -103,8 +103,8 @@ def fit_world(
     leave open. A sample of what the data allow is kept for ensemble=N of Rollout, QueryWorld and CompareWorlds. The
     same request is never computed twice. Next: InspectRollout to see it over the frames, CommitWorld when it follows
     the video."""
-    found = app.case_to_model(case, "FitWorld")
-    start = app.world(found, world)
+    found = app.case(case)
+    start = app.draft(found, world)
     request = FitRequest(
         method=method,
         first_frame=first_frame,
@@ -173,7 +173,7 @@ def _further(app: App, found: Case, cases: list[str]) -> list[tuple[Case, World]
         own = app.case(name)
         if own.id == found.id:
             raise ToolError(f"cases lists {name!r}, which is the case itself: list the others only")
-        members.append((own, app.world(own, own.committed_world)))
+        members.append((own, app.draft(own)))
     return members
 
 

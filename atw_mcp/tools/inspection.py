@@ -61,9 +61,8 @@ def inspect_world(
     names = chosen_names(app, found_case, objects, found.moving_names)
     wanted = fields or ["appearance", "shape", "visibility"]
     frame = found.time.seconds_per_frame
-    stage = (
-        "committed" if found.id == found_case.committed_world else "branch" if found_case.committed_world else "draft"
-    )
+    origin = dict(app.store.cases.worlds(found_case.id))[found.id]
+    stage = "committed" if found.id == found_case.committed_world else "branch" if origin == "intervention" else "draft"
     effects = ", ".join(effect.name for effect in found.effects if effect.enabled)
     return Answer(
         summary=f"{stage} world {found.id}: {len(found.moving_names)} {'planar' if found.planar else 'spatial'} "

@@ -94,7 +94,7 @@ def import_observation(
     """Bring in what another program observed, in place of ObserveObjects or CalibrateCamera. Lengths are metres, z is
     up. The latest import counts; points and series join the tracks there are. Next: BuildWorld (after tracks or a
     recording), CalibrateCamera (after masks)."""
-    found = app.case_to_model(case, "ImportObservation")
+    found = app.case(case)
     with explained(), app.files.opened(path, "file_bytes" if kind == "depth" else "text_bytes") as place:
         if sealed_runs is not None and kind != "recording":
             raise ValueError(f"sealed_runs are runs of a recording; kind is {kind!r}")
@@ -269,7 +269,7 @@ def calibrate_camera(
 ) -> Answer:
     """Set how the image maps to the world, by exactly one of points, homography, known_length or camera. Returns the
     camera and its reprojection error. A later calibration replaces this one. Next: BuildWorld."""
-    found = app.case_to_model(case, "CalibrateCamera")
+    found = app.case(case)
     ways = {"points": points, "homography": homography, "known_length": known_length, "camera": camera}
     given = [name for name, value in ways.items() if value is not None]
     if len(given) != 1:

@@ -107,7 +107,6 @@ def model_video_tool(
     if video is None and name is not None:
         raise ToolError("name is given to a video that is opened: ModelVideo(video=PATH, name=...)")
     found = _opened(app, video, name) if case is None else app.case(case)
-    found = app.case_to_model(found.id, "ModelVideo")
     if found.kind != "video":
         raise ToolError(f"case {found.id!r} is measured data: ImportObservation, BuildWorld and FitWorld model it")
     known_points = None if points is None else [item.model_dump() for item in points]

@@ -88,7 +88,7 @@ def run_model(
         return _listed()
     if case is None:
         raise ToolError(f"RunModel needs a case to run {model!r} on. Next: OpenCase(video=PATH)")
-    found = app.case_to_model(case, "RunModel")
+    found = app.case(case)
     with explained():
         chosen = find_model(model)
         request = RunRequest(

@@ -162,7 +162,7 @@ def observe_objects(
     """Find every moving or distinct object in the video and follow it: masks, colour, material and shape, when it is
     visible, hidden, enters or leaves; and what seems to deform. The camera must not move. Next: InspectFrames to check,
     ObserveObjects with corrections where it is wrong or with deformable, then CalibrateCamera."""
-    found = app.case_to_model(case, "ObserveObjects")
+    found = app.case(case)
     with explained(f"OpenCase(video=PATH) or ImportObservation(case={found.id!r})"):
         path = video_file(app, found)
     if deformable is not None:

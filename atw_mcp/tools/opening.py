@@ -100,7 +100,7 @@ def _case_answer(app: App, case: Case) -> Answer:
     bindings = app.store.cases.bindings(case.id)
     shown = app.files.shown(case.path)
     if case.committed_world is not None:
-        step = f"Rollout(case={case.id!r})"
+        step = f"Ask(case={case.id!r})"
     elif app.store.cases.worlds(case.id):
         step = f"FitWorld(case={case.id!r}) or CommitWorld"
     elif observations:

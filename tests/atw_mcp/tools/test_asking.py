@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,16 +21,19 @@ MEET = {"predicate": "collides", "a": "red", "b": "blue"}
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
-    """A committed case: red slides towards blue, which rests within its reach; green rests far off."""
-    folder = tmp_path_factory.mktemp("asking")
+    return committed(tmp_path_factory.mktemp("asking"), FRAMES)[0]
+
+
+def committed(folder: Path, frames: int, way: float = WAY) -> tuple[Session, dict[str, Any]]:
+    """Commit a case: red slides towards blue, which rests within its reach; green rests far off."""
     session, path, rng = Session(folder / "atw.db"), folder / "slide.csv", np.random.default_rng(3)
-    red = block_places(FRICTION, SPEED, FRAMES)
-    rest = {"blue": red[0] + [WAY + 2 * HALF, 0.0, 0.0], "green": red[0] + [0.0, 2.0, 0.0]}
-    places = {"red": red} | {name: np.tile(place, (FRAMES, 1)) for name, place in rest.items()}
+    red = block_places(FRICTION, SPEED, frames)
+    rest = {"blue": red[0] + [way + 2 * HALF, 0.0, 0.0], "green": red[0] + [0.0, 2.0, 0.0]}
+    places = {"red": red} | {name: np.tile(place, (frames, 1)) for name, place in rest.items()}
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["t", "object", "x", "y", "z"])
-        for k in range(FRAMES):
+        for k in range(frames):
             for name, own in places.items():
                 x, y, z = own[k]
                 dx, dy = SIGMA * rng.normal(size=2)
@@ -39,7 +43,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     session("BuildWorld", case="slide", default_shape={"kind": "box", "half_extents": [HALF] * 3})
     fitted = session("FitWorld", case="slide", patience_seconds=300)
     session("CommitWorld", case="slide", world=fitted["data"]["world"])
-    return session
+    return session, fitted["data"]
 
 
 def asked(session: Session, *questions: dict[str, Any], **more: Any) -> list[dict[str, Any]]:
@@ -134,3 +138,34 @@ def test_refusals_name_the_question_and_what_there_is(session: Session, question
     text = session.refused("Ask", case="slide", questions=[first, question], horizon_seconds=1.0)
     assert "question 2" in text
     assert said in text
+
+
+def test_candidate_worlds_weigh_by_what_they_predicted(tmp_path: Path) -> None:
+    """A block with half the friction predicts the frames left out worse, and has a say in proportion; a world may be
+    asked before it is committed, and another committed after that."""
+    session, fitted = committed(tmp_path, 10, 3 * STOP)
+    slippery = [{"paths": ["objects.red.friction"], "lower": 0.09, "upper": 0.11}]
+    worse = session("FitWorld", case="slide", world=fitted["world"], parameters=slippery, patience_seconds=300)["data"]
+    first, other = fitted["world"], worse["world"]
+    question = {"ask": "how_far", "object": "red", "edits": [{"action": "remove", "object": "blue"}], "at": 2.0}
+
+    def answer(*worlds: str) -> tuple[dict[str, Any], Any]:
+        shown = session.shown("Ask", case="slide", questions=[question], worlds=list(worlds))["data"]
+        return shown["answers"][0]["value"], shown["weights"]
+
+    (alone, only), (wrong, _), (both, weights) = answer(first), answer(other), answer(first, other)
+    assert only == {first: 1.0}
+    assert abs(wrong["median"] - STOP) > 0.01 > 2.0 * abs(alone["median"] - STOP)
+    assert abs(both["median"] - STOP) < 0.005
+    squares = []
+    for fit in (fitted, worse):
+        about = next(body for body in fit["prediction"]["bodies"] if body["object"] == "red")
+        squares.append(about["error"] ** 2 + about["noise"] ** 2)  # blue and green do not move
+    assert squares[1] > 9.0 * squares[0]
+    assert weights[other] / weights[first] == pytest.approx(
+        squares[0] / squares[1], rel=0.3
+    )  # a planar world: two coordinates
+    assert weights[first] + weights[other] == pytest.approx(1.0, abs=1e-5)
+    for world in (other, first):
+        assert session("CommitWorld", case="slide", world=world)["source"]["world"] == world
+        assert session("Ask", case="slide", questions=[question])["source"]["world"] == world
