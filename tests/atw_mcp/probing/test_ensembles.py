@@ -215,7 +215,7 @@ def test_a_world_that_was_never_fitted_is_refused_with_what_to_do(tmp_path: Path
     session("CommitWorld", case="plain", world=built["source"]["world"])
     refusal = session.refused("Rollout", case="plain", ensemble=40)
     assert "no posterior sample" in refusal
-    assert "FitWorld before CommitWorld" in refusal
+    assert "FitWorld(case='plain', world=...)" in refusal
     made = session("Rollout", case="plain")["source"]["rollout"]
     statement = {"predicate": "moving", "object": "puck"}
     assert "no posterior sample" in session.refused("QueryWorld", rollout=made, predicate=statement, ensemble=40)
