@@ -39,7 +39,7 @@ def doubts(world: World, document: dict[str, Any]) -> list[str]:
                 f"rotation_rmse {turn:.2g} rad is large beside position_rmse (it moves an object's substance by "
                 f"{turn * radius:.2g} m): the world may lack something (torsional_radius, an effect)"
             )
-    found += _off(document) + _overstated(document)
+    found += _off(document)
     strained = [i + 1 for i, slack in enumerate(document["slack"]) if slack > SLACK]
     if strained:
         found.append(
@@ -100,8 +100,8 @@ def next_step(case: str, world: str, document: dict[str, Any]) -> str:
     )
 
 
-def _overstated(document: dict[str, Any]) -> list[str]:
-    """Bodies whose positions scatter much less than the noise that their tracks state, or that was assumed."""
+def notes(document: dict[str, Any]) -> list[str]:
+    """What was made of the data, in sentences: bodies that scatter much less than their tracks state or was assumed."""
     calm = [body for body in document["verdict"]["bodies"] if OVERSTATED * body["error_m"] < body["noise_m"]]
     if not calm:
         return []

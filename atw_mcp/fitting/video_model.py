@@ -74,7 +74,7 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
         model.notes += _unplaced(app, case, app.world(case, fitted.evidence.world))
     except StepFailed as error:
         return failure_report(case, error, steps, model)
-    return fit_report(case, fitted, steps, model)
+    return fit_report(app, case, fitted, steps, model)
 
 
 def _known_first(app: App, case: Case, request: VideoRequest, steps: Steps, model: VideoModel) -> list[str] | None:

@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from atw_mcp.calls.app import App
 from atw_mcp.calls.results import Answer
 from atw_mcp.calls.steps import Step, StepFailed, Steps
 from atw_mcp.fitting.errors import ObjectError
-from atw_mcp.fitting.reading import open_questions
+from atw_mcp.fitting.reading import WAYS
 from atw_mcp.observation.matching import Matching
 from evidence_store import Case
 
 UNSURE = 0.5  # mean confidence below which a track is doubted
 MATCHING = "matching"
+VALUE = ("name", "value", "unit", "interval80", "prior", "from_prior", "at_bound")
 VERDICTS = {
     "follows": "follows the video",
     "follows_with_doubts": "follows the video, with doubts",
@@ -36,37 +38,30 @@ class VideoModel:
     looked_for: list[str] = field(default_factory=list)
 
 
-def fit_report(case: Case, fitted: Step, steps: Steps, model: VideoModel) -> Answer:
-    """Judge the fitted world: errors beside body and noise, matches, bounds, what is undetermined, doubts."""
+def fit_report(app: App, case: Case, fitted: Step, steps: Steps, model: VideoModel) -> Answer:
+    """Judge the fitted world: errors beside body and noise, matches, values, predictions, doubts."""
     world = fitted.evidence.world
-    bounds = [
-        {key: value[key] for key in ("name", "value", "unit")} for value in fitted.data["values"] if value["at_bound"]
-    ]
-    fixed = {path for item in fitted.arguments.get("parameters", []) if item.get("fixed") for path in item["paths"]}
-    undetermined = [item for item in fitted.data["undetermined"] if not set(item["parameters"]) <= fixed]
-    rows, count = open_questions({**fitted.data, "undetermined": undetermined})
-    doubts = _doubts(steps, fitted, model, bounds)
+    doubts = _doubts(steps, fitted, model)
     off = [error for error in model.errors if not error.follows]
     verdict = "does_not_follow" if off or model.diverged else "follows_with_doubts" if doubts else "follows"
     worst = model.errors[0] if model.errors else None
     size = "" if worst is None else f"; worst {worst.object}: {_error(worst)}"
-    look = f"InspectRollout(case={case.id!r}, world={world!r})"
-    commit = f"CommitWorld(case={case.id!r}, world={world!r})"
-    cure = _correction(case, steps, "FitWorld")
+    data = {
+        "world": world,
+        "verdict": verdict,
+        "doubts": doubts,
+        "next": _next(case, steps, model, world, verdict),
+        **_matching(model),
+        "errors": [error.to_dict() for error in model.errors],
+        "representation": "planar" if app.world(case, world).planar else "spatial",
+        "rolling": WAYS[fitted.data["rolling"]],
+        "values": [{name: value[name] for name in VALUE} for value in fitted.data["values"]],
+        "prediction": fitted.data["prediction"],
+    }
     return Answer(
         summary=f"fitted world {world} {VERDICTS[verdict]}{size}" + "".join(f". DOUBT: {doubt}" for doubt in doubts),
-        data={
-            "world": world,
-            "verdict": verdict,
-            "doubts": doubts,
-            **_matching(model),
-            "errors": [error.to_dict() for error in model.errors],
-            "at_bounds": bounds,
-            "undetermined": rows,
-            "undetermined_rows": count,
-            "steps": _steps(case, steps),
-            "next": f"{look} to look, then {commit}" if verdict != "does_not_follow" else f"{look} to look; {cure}",
-        },
+        data={**data, "steps": _steps(case, steps)},
+        shown={**_without_empty(data), "steps": _short_steps(steps)},
         case=case.id,
         world=world,
         observation=fitted.evidence.observation,
@@ -94,7 +89,20 @@ def failure_report(case: Case, error: StepFailed, steps: Steps, model: VideoMode
     )
 
 
-def _doubts(steps: Steps, fitted: Step, model: VideoModel, bounds: list[dict[str, Any]]) -> list[str]:
+def _next(case: Case, steps: Steps, model: VideoModel, world: str | None, verdict: str) -> str:
+    """Return the call that helps most: to find what was not found, to see what is off, or to go on."""
+    unseen = () if model.matching is None else model.matching.unseen
+    again = f"ModelVideo(case={case.id!r}, ...) again"
+    if unseen:
+        seed = f"{{kind: 'outline', object: {unseen[0]!r}, frame: ..., points: [[u, v], ...], add: true}}"
+        return f"InspectFrames(case={case.id!r}), ObserveObjects(case={case.id!r}, corrections=[{seed}]), then {again}"
+    look = f"InspectRollout(case={case.id!r}, world={world!r})"
+    if verdict == "does_not_follow":
+        return f"{look} to look; {_correction(case, steps, 'FitWorld')}"
+    return f"{look} to look, then CommitWorld(case={case.id!r}, world={world!r}) and Ask"
+
+
+def _doubts(steps: Steps, fitted: Step, model: VideoModel) -> list[str]:
     """Doubts about the result as a whole; those of single steps that do not bear on it stay with the steps."""
     found = [*([] if model.matching is None else model.matching.doubts), *model.notes]
     if model.diverged is not None:
@@ -105,13 +113,12 @@ def _doubts(steps: Steps, fitted: Step, model: VideoModel, bounds: list[dict[str
         for error in model.errors
         if error.vague
     ]
-    if bounds:
-        listed = ", ".join(
-            f"{v['name']} = {v['value']:.3g}" + (f" {v['unit']}" if v["unit"] != "1" else "") for v in bounds
-        )
-        found.append(f"fitted values at their bounds: {listed}")
+    better, own = fitted.data["best_draft"], {step.evidence.world for step in steps.done}
+    passed_over = "" if better is None or better["world"] not in own else better["world"]  # on purpose: a simpler one
+    warnings = [text for text in fitted.data["warnings"] if not passed_over or passed_over not in text]
+    found += warnings
     for step in steps.done:
-        if step.tool == "CalibrateCamera" or step is fitted:
+        if step.tool == "CalibrateCamera":
             found += [text for text in step.data.get("warnings", []) if "were assumed" not in text]
         found += step.data.get("left_out", []) if step.tool == "BuildWorld" else []
     return found
@@ -132,6 +139,19 @@ def _matching(model: VideoModel) -> dict[str, Any]:
         "unseen_objects": list(model.matching.unseen),
         "unlisted_tracks": model.tracks,
     }
+
+
+def _short_steps(steps: Steps) -> list[dict[str, Any]]:
+    """Return the steps without arguments, which their own records have, and with doubts where there are any."""
+    found = []
+    for step in steps.done:
+        doubts = _step_doubts(step)
+        found.append({"tool": step.tool, "evidence": step.evidence.id} | ({"doubts": doubts} if doubts else {}))
+    return found
+
+
+def _without_empty(data: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in data.items() if value not in ([], None) or name == "doubts"}
 
 
 def _steps(case: Case, steps: Steps) -> list[dict[str, Any]]:

@@ -83,6 +83,7 @@ class FittedWorld(Result):
     why: str = Field(description="empty for a good fit")
     prediction: Prediction | None = Field(description="null where too few frames are there to leave any out")
     warnings: list[str] = Field(description="where the fit is doubtful")
+    notes: list[str] = Field(description="what was made of the data")
     best_draft: BestDraft | None = Field(description="null where no earlier fit is better")
     loss: float = Field(description="mean robust square of the standardised misfit")
     position_rmse: float | None = Field(description="on the frames fitted [m]; null where it diverges or none observed")

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from atw_mcp.results.base import Result
-from atw_mcp.results.identification import OpenQuestion
+from atw_mcp.results.identification import FittedNumber, Prediction
 from atw_mcp.results.values import Json
 
 StepName = Literal["ObserveObjects", "CalibrateCamera", "BuildWorld", "FitWorld"]
@@ -47,23 +47,15 @@ class BodyError(Result):
     frames: int = Field(description="number of frames compared")
 
 
-class ValueAtBound(Result):
-    """A fitted value on a bound of its search."""
-
-    name: str
-    value: float = Field(description="in its unit")
-    unit: str = Field(description="1 where it has none")
-
-
 class ModellingStep(Result):
     """A call that was made."""
 
     tool: StepName
     evidence: str = Field(description="id of its result")
-    arguments: Json = Field(description="all but case (JSON document)")
-    doubts: list[str]
-    assumed: list[str] = Field(description="choices that were not made by the caller")
-    to_correct: str = Field(description="calls to make where it is wrong")
+    arguments: Json | None = Field(default=None, description="all but case; this and what follows: in the record")
+    doubts: list[str] | None = None
+    assumed: list[str] | None = Field(default=None, description="choices that were not made by the caller")
+    to_correct: str | None = Field(default=None, description="calls to make where it is wrong")
 
 
 class _Modelling(Result):
@@ -87,10 +79,13 @@ class ModelledVideo(_Modelling):
     world: str = Field(description="id of the fitted world")
     verdict: Literal["follows", "follows_with_doubts", "does_not_follow"]
     doubts: list[str]
-    errors: list[BodyError] = Field(description="largest beside the body's size first; empty where the world diverges")
-    at_bounds: list[ValueAtBound]
-    undetermined: list[OpenQuestion]
-    undetermined_rows: int = Field(description="number of rows in all")
+    errors: list[BodyError] | None = Field(
+        default=None, description="largest beside the body's size first; missing where the world diverges"
+    )
+    representation: Literal["planar", "spatial"]
+    rolling: str = Field(description="how what can roll moves, as the evidence has it")
+    values: list[FittedNumber] | None = Field(default=None, description="constants: frictions, restitutions, dampings")
+    prediction: Prediction | None = Field(default=None, description="of the frames left out, and of what comes after")
 
 
 class StoppedModelling(_Modelling):

@@ -99,9 +99,9 @@ def model_video_tool(
 ) -> Answer | LongWork:
     """From a video and what is known about it to a fitted world in one call: OpenCase, ObserveObjects, CalibrateCamera,
     known objects matched to tracks, BuildWorld, FitWorld. Every step has evidence of its own, listed with its doubts
-    and how to correct it; corrected steps are not repeated by a next call. The verdict gives errors in pixels and
-    metres beside body size and noise, matches and how sure they are, parameters at bounds, what is undetermined. Next:
-    InspectRollout, CommitWorld."""
+    and how to correct it; corrected steps are not repeated by a next call. Returns errors in pixels and metres beside
+    body size and noise, matches, friction, restitution and dampings with intervals and priors, how frames left out are
+    predicted, and the next call that helps most."""
     if (video is None) == (case is None):
         raise ToolError("ModelVideo takes one of video=PATH and case=ID")
     if video is None and name is not None:

@@ -41,6 +41,11 @@ def test_a_video_becomes_a_committed_world_and_an_answer_in_four_calls(session: 
     assert data["verdict"].startswith("follows")
     assert {row["object"] for row in data["errors"]} == {"left", "right"}
     assert all(row["error_px"] < 1.5 and row["of_radius"] < 0.2 for row in data["errors"])
+    friction = next(row for row in data["values"] if row["name"].startswith("friction"))
+    assert friction["interval80"][0] <= friction["value"] <= friction["interval80"][1]
+    assert friction["prior"] is not None
+    assert {body["object"] for body in data["prediction"]["bodies"]} == {"left", "right"}
+    assert f"CommitWorld(case={case!r}, world={data['world']!r})" in data["next"]
     session("CommitWorld", case=case, world=data["world"])
     rolled = session("Rollout", case=case, horizon_frames=FRAMES + 10)
     asked = {"predicate": "collides", "a": "left", "b": "right"}

@@ -122,7 +122,7 @@ def test_noise_that_is_stated_too_large_is_named(session: Session, tmp_path: Pat
         session("ImportObservation", case=case, kind="tracks", path=str(path), **sigma)
         session("BuildWorld", case=case, default_shape=BOX)
         fitted = session("FitWorld", case=case, patience_seconds=300)
-        said.append(any("noise of positions is overstated: puck 0.01" in text for text in fitted["data"]["warnings"]))
+        said.append(any("noise of positions is overstated: puck 0.01" in text for text in fitted["data"]["notes"]))
     assert said == [False, True]
 
 
