@@ -24,7 +24,7 @@ from polyworld.world import MotionPlane, World
 from polyworld.world.camera import Camera
 from polyworld.world.geometry import equivalent_radius
 
-SHARES = {"ObserveObjects": 0.35, "CalibrateCamera": 0.36, "BuildWorld": 0.5, "FitWorld": 0.98}
+SHARES = {"CalibrateCamera": 0.01, "ObserveObjects": 0.6, "BuildWorld": 0.62, "FitWorld": 0.98}
 UNPLACED = 0.75  # of the frames that show a body, below which that its rays miss the floor is no matter of edges
 ALIKE = 1.15  # ratio of sizes below which masks do not distinguish objects
 MOVED = 0.5  # of its own size in the image, by which a track has moved
