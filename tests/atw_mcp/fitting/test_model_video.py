@@ -168,6 +168,7 @@ def test_a_clevrer_video_is_modelled_with_its_objects_distinguished(session: Ses
         calibrate={"homography": plane["H"], "plane_z": 0.2},
         known_length=None,
         build={"representation": "planar"},  # which object is which is asked here; in space the fit takes minutes
+        fit={"last_frame": 50},
     )
     tracks = {match["object"]: match["track"] for match in made["data"]["matches"]}
     assert len(tracks) == len(listed)
