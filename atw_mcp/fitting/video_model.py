@@ -61,8 +61,7 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
         names = _known_first(app, case, request, steps, model)
         if names is None:
             seen = _observe(app, case, request, steps)
-            if request.calibrate is not None:
-                steps.call("CalibrateCamera", case=case.id, **request.calibrate)
+            _calibrate(case, request, steps)
             names = _match(app, case, request, seen, steps, model, progress)
         building = _build_arguments(request, model, names)
         built = steps.call("BuildWorld", case=case.id, **building)
@@ -89,14 +88,19 @@ def _known_first(app: App, case: Case, request: VideoRequest, steps: Steps, mode
         return None
     if latest_image_observation(app, case) is not None:
         return None
-    if request.calibrate is not None:
-        steps.call("CalibrateCamera", case=case.id, **request.calibrate)
+    _calibrate(case, request, steps)
     found = _look_for(app, case, request, steps, model)
     if found is None or {item.name for item in request.known} - set(found.names):
+        model.some = None if found is None else latest_image_observation(app, case)
         steps.call("ObserveObjects", case=case.id)
         return None
     model.matching, model.looked_for = Matching((), (), ()), list(found.names)
     return list(found.names)
+
+
+def _calibrate(case: Case, request: VideoRequest, steps: Steps) -> None:
+    if request.calibrate is not None and not any(step.tool == "CalibrateCamera" for step in steps.done):
+        steps.call("CalibrateCamera", case=case.id, **request.calibrate)
 
 
 def _observe(app: App, case: Case, request: VideoRequest, steps: Steps) -> ImageObservation:
@@ -189,8 +193,12 @@ def _look_for(app: App, case: Case, request: VideoRequest, steps: Steps, model: 
         scene["motion_plane"] = request.plane.model_dump(include={"point", "normal", "supports"})
     scene |= {"obstacles": request.build["obstacles"]} if request.build.get("obstacles") else {}
     least = 0 if model.matching is None else len(model.matching.matches)
+    if model.some is not None and len(model.some[1].names) < max(least, 1):
+        model.notes.append(f"looked for by colour and size, only {', '.join(model.some[1].names)} was found")
+        return None
+    asked = {"known": request.looked_for, **scene} if model.some is None else {"observation": model.some[0]}
     try:
-        steps.call("ObserveObjects", case=case.id, known=request.looked_for, **scene)
+        steps.call("ObserveObjects", case=case.id, **asked)
     except StepFailed as error:
         model.notes.append(f"objects could not be looked for by colour and size: {error.reason}")
         return None

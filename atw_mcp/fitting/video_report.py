@@ -11,6 +11,7 @@ from atw_mcp.calls.steps import Step, StepFailed, Steps
 from atw_mcp.fitting.errors import ObjectError
 from atw_mcp.fitting.reading import WAYS
 from atw_mcp.observation.matching import Matching
+from atw_mcp.perception.observation import ImageObservation
 from evidence_store import Case
 
 UNSURE = 0.5  # mean confidence below which a track is doubted
@@ -28,6 +29,7 @@ class VideoModel:
     """State reached so far: matches, tracks that no known object explains, errors, or why there are none.
 
     notes: doubts about how known objects were looked for. looked_for: those found by colour and size, not by matching.
+    some: the observation, by its id, in which some of the known objects were found and others not.
     """
 
     matching: Matching | None = None
@@ -36,6 +38,7 @@ class VideoModel:
     diverged: str | None = None
     notes: list[str] = field(default_factory=list)
     looked_for: list[str] = field(default_factory=list)
+    some: tuple[str, ImageObservation] | None = None
 
 
 def fit_report(app: App, case: Case, fitted: Step, steps: Steps, model: VideoModel) -> Answer:
