@@ -37,6 +37,7 @@ class VideoRequest:
     known: names, shapes and hints for the matching; bodies: what BuildWorld is given of each, by name. unlisted: what
     becomes of tracks that no known object explains. observe, calibrate: None where the case's own is used. looked_for:
     what ObserveObjects is asked to look for where tracks do not match what is known; None where that is not wanted.
+    kept: which facts an earlier call gave, in words.
     """
 
     known: tuple[Known, ...]
@@ -49,6 +50,7 @@ class VideoRequest:
     looked_for: list[dict[str, Any]] | None = None
     plane: MotionPlane | None = None
     floor: float = 0.0
+    kept: str = ""
 
 
 def model_video(app: App, case: Case, request: VideoRequest, progress: Progress) -> Answer:
@@ -56,7 +58,7 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
 
     A step that fails ends the work with status `failed`; the steps before it stay and are not repeated by a next call.
     """
-    steps, model = Steps(app, progress, SHARES), VideoModel()
+    steps, model = Steps(app, progress, SHARES), VideoModel(kept=request.kept)
     try:
         names = _known_first(app, case, request, steps, model)
         if names is None:
