@@ -12,7 +12,7 @@ import numpy as np
 from tests.benchmarks.examination_scenes.kinds import HORIZON, KINDS, VIEWS
 from tests.benchmarks.examination_scenes.picture import Camera, calibration, draw_camera, film
 from tests.benchmarks.examination_scenes.questions import Asker, Question
-from tests.benchmarks.examination_scenes.world import GRAVITY, SAMPLE, Array, Run, Scene
+from tests.benchmarks.examination_scenes.world import GRAVITY, SAMPLE, Array, Run, Scene, simulate
 
 RATES = (24, 25, 30, 48, 50, 60)  # [1/s]
 SHOWN = 10  # frames that every moving body is in the picture for
@@ -75,13 +75,11 @@ def draw(kind: str, seed: int, path: Path | None) -> dict[str, Any]:
     view, horizon = VIEWS[kind], HORIZON[kind]
     for _ in range(TRIES):
         scene, rate = KINDS[kind](rng, seed), int(rng.choice(RATES))
-        asker = Asker(rng, scene, 0.0, horizon, "xy" if view == "above" else "xz")
-        first = asker.fact.truth
-        count = clip_frames(rng, kind, scene, first, rate)
+        count = clip_frames(rng, kind, scene, simulate(scene, 1.5, 1), rate)
         if count is None:
             continue
         at = [k / rate for k in range(count)]
-        asker = Asker(rng, scene, at[-1], horizon, asker.axes)
+        asker = Asker(rng, scene, at[-1], horizon, "xy" if view == "above" else "xz")
         run = asker.fact.truth
         places = extent(scene, run, at)
         camera = draw_camera(rng, places, view)

@@ -121,7 +121,7 @@ def film(rng: np.random.Generator, scene: Scene, run: Run, camera: Camera, at: l
         f'xyaxes="{row(camera.right)} {row(camera.up)}"/>'
     )
     assets = (
-        f'<visual><global offwidth="{2 * width}" offheight="{2 * height}"/><quality shadowsize="4096"/>'
+        f'<visual><global offwidth="{2 * width}" offheight="{2 * height}"/><quality shadowsize="2048" offsamples="0"/>'
         '<headlight ambient=".35 .35 .35" diffuse=".15 .15 .15" specular="0 0 0"/></visual><asset>'
         f'{SURFACES}<texture name="ground" type="2d" builtin="flat" width="512" height="512"/><texture type="skybox" '
         f'builtin="gradient" rgb1="{row(rng.uniform(0.5, 0.9, 3))}" rgb2="{row(rng.uniform(0.2, 0.6, 3))}" width="64" '

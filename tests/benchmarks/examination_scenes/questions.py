@@ -91,10 +91,13 @@ class Asker:
         halves = tied or [(n,) for n in moving]
         things = [b.name for b in scene.bodies] + ([scene.soft.name] if scene.soft else [])
         self.fact = World(scene, [], duration)
-        self.changed = [World(scene, [{"action": "remove", "object": n}], duration) for n in things if len(things) > 1]
-        for group in halves:
-            edits: list[Edit] = [{"action": "scale_velocity", "object": n, "factor": 0.5} for n in group]
-            self.changed.append(World(scene, edits, duration))
+        removed: list[list[Edit]] = [[{"action": "remove", "object": n}] for n in things if len(things) > 1]
+        halved: list[list[Edit]] = [
+            [{"action": "scale_velocity", "object": n, "factor": 0.5} for n in group] for group in halves
+        ]
+        self.changed = [
+            World(scene, edits[i], duration) for edits in (removed, halved) for i in rng.permutation(len(edits))[:2]
+        ]
 
     def times(self) -> Iterator[float]:
         """Yield times after the clip's end to ask about [s]."""
@@ -108,14 +111,14 @@ class Asker:
     def place(self, world: World, name: str, after: float) -> Question | None:
         """Return a question for a place, or None where it is not worth asking."""
         at = self.end + after
-        runs = (world.truth, *world.others)
-        true, coarse, near = (r.place(name, at)[self.indices] for r in runs)
+        true = world.truth.place(name, at)[self.indices]
         last = self.fact.truth.place(name, self.end)[self.indices]
         stays = float(np.linalg.norm(true - last))
         fact = self.fact.truth.place(name, at)[self.indices]
-        if stays < 0.08 or np.linalg.norm(true - coarse) > STEPS_AGREE or np.linalg.norm(true - near) > STEADY:
+        if stays < 0.08 or (world.edits and np.linalg.norm(true - fact) < 0.05):
             return None
-        if world.edits and np.linalg.norm(true - fact) < 0.05:
+        coarse, near = (r.place(name, at)[self.indices] for r in world.others)
+        if np.linalg.norm(true - coarse) > STEPS_AGREE or np.linalg.norm(true - near) > STEADY:
             return None
         when = f"{after:g} s after the {'moment of the ' if world.edits else ''}clip's last frame"
         verb = "where would the centre of {} be" if world.edits else "Where is the centre of {}"
@@ -138,13 +141,13 @@ class Asker:
             measure, unit = lambda r: r.speed(a, at), 0.1
         else:
             measure, unit = lambda r: touch(r, frozenset(pair), since), 0.1
-        runs = (world.truth, *world.others)
-        value, *others = (measure(r) for r in runs)
+        value = measure(world.truth)
         if not np.isfinite(value):
             return self.miss(world, pair, after) if not yes else None
         threshold = limit(self.rng, value, above=yes != (kind == "moved_by_more_than"))
         if threshold is None or value < unit:
             return None
+        others = [measure(r) for r in world.others]
         agree = all((v < threshold) == (value < threshold) for v in others)
         if not agree or abs(value - others[0]) > STEPS_AGREE:
             return None
