@@ -149,6 +149,7 @@ def _plain(recording: Recording) -> dict[str, Any]:
                 "sigma": run.sigma,
                 "symmetry": list(run.symmetry),
                 "lead": run.lead,
+                **({"arms": _listed(np.array(run.arms))} if np.isfinite(run.arms).any() else {}),
                 **(
                     {"angular_velocities": _listed(spins)} if np.isfinite(spins := run.angular_velocities).any() else {}
                 ),
@@ -174,6 +175,7 @@ def recording_of(document: dict[str, Any]) -> Recording:
                 angular_velocities=np.asarray(item.get("angular_velocities", []), dtype=float).reshape(
                     -1, len(item["names"]), 3
                 ),
+                arms=tuple(np.asarray(item.get("arms", []), dtype=float).tolist()),
             )
             for item in document["runs"]
         )

@@ -48,7 +48,7 @@ _PLAIN = RecordingForm()
 
 @dataclass(frozen=True)
 class Reading:
-    """What a table holds. frames (T,), confidence (T, n) and sigma (T, n) [m] of each run, NaN where not stated."""
+    """All that a table holds. frames (T,), confidence (T, n) and sigma (T, n) [m] of each run, NaN where not stated."""
 
     recording: Recording
     frames: tuple[Array, ...]
@@ -267,6 +267,7 @@ def _run(
     positions, orientations = place, np.where(np.isfinite(yaw[..., :1]), rotation_quaternion(np.nan_to_num(yaw)), turn)
     if form.pixels is not None:
         positions = form.pixels.positions(values[..., _AT[PIXELS[0]] : _AT[PIXELS[1]] + 1])
+    arms = [np.nan] * len(names)
     for column, item in enumerate(names):
         angles = values[:, column, _AT[THETA]]
         if not np.isfinite(angles).any():
@@ -287,9 +288,10 @@ def _run(
         except ValueError as error:
             raise ValueError(f"{where}: {error}") from error
         positions[:, column], orientations[:, column] = body.measured(angles - zero)
+        arms[column] = body.distance if body.off_axis else np.nan
     stated = values[..., _AT[SIGMA]]
     sigma = float(np.nanmedian(stated)) if np.isfinite(stated).any() else None
-    return Run(name, names, times, positions, orientations, sigma, angular_velocities=spin)
+    return Run(name, names, times, positions, orientations, sigma, angular_velocities=spin, arms=tuple(arms))
 
 
 def _text(value: float) -> str:

@@ -263,6 +263,7 @@ def test_an_angle_places_a_body_on_its_hinge() -> None:
     assert run.positions[1, 0].tolist() == pytest.approx([-2.0, math.nan, 3.0], nan_ok=True)
     assert np.isnan(run.positions[2]).all()
     assert np.isnan(run.orientations).all()  # the one number measured is counted once
+    assert run.arms == (2.0,)
 
 
 @pytest.mark.parametrize("start", [0.0, 0.7, -2.0])
