@@ -60,7 +60,7 @@ def read_script(path: Path) -> list[Step]:
 def read_line(line: str) -> Step | None:
     """Parse one line of a script; None for an empty line or a comment. Raises ScriptError."""
     try:
-        words = shlex.split(line, comments=True)
+        words = shlex.split(_with_json_quoted(line), comments=True)
     except ValueError as error:
         raise ScriptError(str(error)) from error
     if not words:
@@ -71,6 +71,23 @@ def read_line(line: str) -> Step | None:
     if not words:
         raise ScriptError("a tool name is missing")
     return Step(words[0], dict(split_pairs(words[1:])), name)
+
+
+def _with_json_quoted(line: str) -> str:
+    """Quote lists and objects that follow an equals sign, so that the quotes within them are those of JSON."""
+    found, done = "", 0
+    for opening in re.finditer(r"(?<==)[\[{]", line):
+        depth, text = 0, False
+        for i in range(opening.start(), len(line) if opening.start() >= done else 0):
+            character = line[i]
+            if character == '"' and line[i - 1] != "\\":
+                text = not text
+            depth += 0 if text else (character in "[{") - (character in "]}")
+            if depth == 0:
+                found += line[done : opening.start()] + shlex.quote(line[opening.start() : i + 1])
+                done = i + 1
+                break
+    return found + line[done:]
 
 
 async def run_script(

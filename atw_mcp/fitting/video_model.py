@@ -314,10 +314,14 @@ def _better(
         return fitted
     _compare(app, case, again, other, progress)
     share = 1.0 / np.sqrt(2.0 * max(sum(error.frames for error in model.errors), 1))  # of a root mean square
+    ways = [(fitted, model), (again, other)]
     if _misfit(other) <= (1.0 + share) * _misfit(model):
-        model.errors, model.diverged = other.errors, None
-        return again
-    return fitted
+        ways.reverse()
+    (kept, best), (left, least) = ways
+    if least.diverged is None:
+        model.other = (str(left.evidence.world), _misfit(least) / max(_misfit(best), 1e-9))
+    model.errors, model.diverged = best.errors, best.diverged
+    return kept
 
 
 def _misfit(model: VideoModel) -> float:

@@ -15,6 +15,7 @@ from atw_mcp.perception.observation import ImageObservation
 from evidence_store import Case
 
 UNSURE = 0.5  # mean confidence below which a track is doubted
+CLOSE = 2.0  # ratio of errors up to which the world that was passed over is worth asking too
 MATCHING = "matching"
 VALUE = ("name", "value", "unit", "interval80", "prior", "from_prior", "at_bound")
 VERDICTS = {
@@ -29,7 +30,8 @@ class VideoModel:
     """State reached so far: matches, tracks that no known object explains, errors, or why there are none.
 
     notes: doubts about how known objects were looked for. looked_for: those found by colour and size, not by matching.
-    kept: facts that an earlier call gave. some: the observation, by its id, in which some of the known objects were
+    other: the world in the other representation, which was passed over, and its error over that of the one kept. kept:
+    facts that an earlier call gave. some: the observation, by its id, in which some of the known objects were
     found and others not.
     """
 
@@ -39,6 +41,7 @@ class VideoModel:
     diverged: str | None = None
     notes: list[str] = field(default_factory=list)
     looked_for: list[str] = field(default_factory=list)
+    other: tuple[str, float] | None = None
     kept: str = ""
     some: tuple[str, ImageObservation] | None = None
 
@@ -59,7 +62,8 @@ def fit_report(app: App, case: Case, fitted: Step, steps: Steps, model: VideoMod
         "kept": model.kept or None,
         **_matching(model),
         "errors": [error.to_dict() for error in model.errors],
-        "representation": "planar" if app.world(case, world).planar else "spatial",
+        "representation": _kind(app, case, world),
+        "other": _other(app, case, model),
         "rolling": WAYS[fitted.data["rolling"]],
         "values": [{name: value[name] for name in VALUE} for value in fitted.data["values"]],
         "prediction": fitted.data["prediction"],
@@ -95,6 +99,17 @@ def failure_report(case: Case, error: StepFailed, steps: Steps, model: VideoMode
     )
 
 
+def _other(app: App, case: Case, model: VideoModel) -> dict[str, Any] | None:
+    if model.other is None:
+        return None
+    world, ratio = model.other
+    return {"world": world, "representation": _kind(app, case, world), "error_over_this": ratio}
+
+
+def _kind(app: App, case: Case, world: str | None) -> str:
+    return "planar" if app.world(case, world).planar else "spatial"
+
+
 def _next(case: Case, steps: Steps, model: VideoModel, world: str | None, verdict: str) -> str:
     """Return the call that helps most: to find what was not found, to see what is off, or to go on."""
     unseen = () if model.matching is None else model.matching.unseen
@@ -105,7 +120,8 @@ def _next(case: Case, steps: Steps, model: VideoModel, world: str | None, verdic
     look = f"InspectRollout(case={case.id!r}, world={world!r})"
     if verdict == "does_not_follow":
         return f"{look} to look; {_correction(case, steps, 'FitWorld')}"
-    return f"{look} to look, then CommitWorld(case={case.id!r}, world={world!r}) and Ask"
+    both = "" if model.other is None or model.other[1] > CLOSE else f" of both: worlds=[{world!r}, {model.other[0]!r}]"
+    return f"{look} to look, then CommitWorld(case={case.id!r}, world={world!r}) and Ask{both}"
 
 
 def _doubts(steps: Steps, fitted: Step, model: VideoModel) -> list[str]:

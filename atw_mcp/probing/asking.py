@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from atw_mcp.probing.ensemble_answers import query_answer
 from atw_mcp.probing.ensembles import Ensemble
-from atw_mcp.probing.prediction_errors import distance
+from atw_mcp.probing.prediction_errors import distance, travelled_since
 from polyworld.estimation.model_error import with_model_error
 from polyworld.probing.ensemble_statistics import decisive_split, relations, varying
 from polyworld.probing.predicates import Predicate, names_in
@@ -227,14 +227,11 @@ def _measured(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> 
         end = float(best.trajectory.times[-1]) if len(best.trajectory.times) else 0.0
         return found | {"reason": f"{q.object} is not there at that time in any member; they were run to {end:.4g} s"}
     parameters = varying(ensemble.parameters, known)
-    far = np.array([_travelled(q, ensemble, int(i)) for i in known])[:, None]
     values = states[known]
     widest = int(np.argmax(np.ptp(np.percentile(values, (10, 90), axis=0), axis=0)))
     found |= {"unit": UNITS[q.ask], "goes_with": [r.to_dict() for r in relations(parameters, values[:, widest])]}
-    if q.ask == "how_fast":
-        return found | {"value": likely(values[:, 0])}
-    spread = with_model_error(values, far)
-    if q.ask == "how_far":
+    spread = with_model_error(values, np.array([_reach(q, ensemble, int(i)) for i in known]))
+    if q.ask != "where":
         return found | {"value": likely(np.abs(spread[:, 0]))}
     found["place"] = {axis: likely(spread[:, i]) for i, axis in enumerate("xyz")}
     if world.camera is not None:
@@ -271,11 +268,19 @@ def _state(q: Any, rollout: Rollout, world: World) -> Array:
     return np.array([np.linalg.norm(own - there)])
 
 
-def _travelled(q: Any, ensemble: Ensemble, member: int) -> float:
-    rollout = ensemble.rollouts[member]
-    end = float(rollout.trajectory.times[-1]) if q.at is None else q.at
+def _reach(q: Any, ensemble: Ensemble, member: int) -> Array:
+    """Return with what a member's error goes: distances travelled by axis (3,) [m], their sum (1,), or the mean speed
+    since the last fitted frame (1,) [m/s]."""
+    rollout, since = ensemble.rollouts[member], ensemble.fitted_until
+    end = max(float(rollout.trajectory.times[-1]) if q.at is None else q.at, since)
+    found: Array
+    if q.ask == "where":
+        found = travelled_since(ensemble, member, q.object, np.array([end]))[0]
+        return found
     names = [name for name in (q.object, getattr(q, "to", None)) if name is not None]
-    return distance(rollout, names, ensemble.fitted_until, max(end, ensemble.fitted_until))
+    far = distance(rollout, names, since, end)
+    found = np.array([far if q.ask == "how_far" else far / (end - since) if end > since else 0.0])
+    return found
 
 
 def _at(times: Array, values: Array, time: float) -> Array:

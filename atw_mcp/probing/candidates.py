@@ -55,16 +55,19 @@ def counts(shares: Array, total: int) -> list[int]:
     return [int(n) for n in found]
 
 
-def mixture(ensembles: Sequence[Ensemble], shares: Sequence[float]) -> Ensemble:
-    """Return the members of several ensembles as one, with the parameters that all of them have."""
+def mixture(ensembles: Sequence[Ensemble], shares: Sequence[float], sizes: Sequence[int]) -> Ensemble:
+    """Return the first members of several ensembles, `sizes` of each, as one, with the parameters that all have."""
     if len(ensembles) == 1:
         return ensembles[0]
     common = [name for name in ensembles[0].parameters if all(name in e.parameters for e in ensembles)]
     total = sum(shares)
     return Ensemble(
-        worlds=tuple(world for e in ensembles for world in e.worlds),
-        rollouts=tuple(rollout for e in ensembles for rollout in e.rollouts),
-        parameters={name: np.concatenate([e.parameters[name] for e in ensembles]) for name in common},
+        worlds=tuple(world for e, n in zip(ensembles, sizes, strict=True) for world in e.worlds[:n]),
+        rollouts=tuple(rollout for e, n in zip(ensembles, sizes, strict=True) for rollout in e.rollouts[:n]),
+        parameters={
+            name: np.concatenate([e.parameters[name][:n] for e, n in zip(ensembles, sizes, strict=True)])
+            for name in common
+        },
         units={name: ensembles[0].units[name] for name in common},
         wrong=sum(share * e.wrong for share, e in zip(shares, ensembles, strict=True)) / total,
         why=max(ensembles, key=lambda e: e.wrong).why,

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from atw_mcp.calls.intervals import Span
 from atw_mcp.probing import readouts
 from atw_mcp.probing.ensembles import Ensemble
-from atw_mcp.probing.prediction_errors import SETTINGS, chances, distance
-from polyworld.estimation.model_error import travelled, with_model_error
+from atw_mcp.probing.prediction_errors import SETTINGS, chances, travelled_since
+from polyworld.estimation.model_error import with_model_error
 from polyworld.probing.compare import Comparison, compare
 from polyworld.probing.ensemble_statistics import (
     LEVEL,
@@ -151,8 +151,9 @@ def rollout_answer(ensemble: Ensemble, horizon: float) -> dict[str, Any]:
     ends = {}
     for name in names:
         places = np.array([_end(ensemble.rollouts[i], name) for i in completed])
-        far = [distance(ensemble.rollouts[i], [name], ensemble.fitted_until, horizon) for i in completed]
-        ends[name] = with_model_error(places, np.array(far)[:, None])
+        until = np.array([horizon])
+        far = [travelled_since(ensemble, i, name, until)[0] for i in completed]
+        ends[name] = with_model_error(places, np.array(far))
     return about | {
         "timeline": [row for row in rows if row in likely],
         "rows_left_out": len(rows) - len(likely),
@@ -200,9 +201,9 @@ def trajectory_answer(
         motions.append(readouts.motion(rollout, name, own))
         periods.append(readouts.periods_of(rollout, name, own) or {})
     table = np.stack(tables)  # (N, T, columns)
-    since = ensemble.fitted_until
-    far = np.array([_travelled(r, name, since, times) for r in ensemble.rollouts])
-    spread = with_model_error(table, np.where(np.isin(chosen, ("x", "y", "z")), far[..., None], 0.0))
+    far = np.array([travelled_since(ensemble, i, name, times) for i in range(ensemble.size)])  # (N, T, 3)
+    widths = [far[..., "xyz".index(c)] if c in ("x", "y", "z") else np.zeros(far.shape[:2]) for c in chosen]
+    spread = with_model_error(table, np.stack(widths, axis=-1))
     cells = [[_cell(spread[:, t, c]) for c in range(len(chosen))] for t in range(len(times))]
     about: dict[str, Any] = {
         "members": ensemble.size,
@@ -318,13 +319,6 @@ def _counted(timelines: Sequence[list[dict[str, Any]]]) -> list[dict[str, Any]]:
         for (what, objects), found in times.items()
     ]
     return sorted(counted, key=lambda row: -row["true"])[:MOST_EVENTS]
-
-
-def _travelled(rollout: Rollout, name: str, since: float, times: Array) -> Array:
-    """Distance (T,) [m] that an object travels from `since` to each of some times, 0 before it."""
-    trajectory = rollout.trajectory
-    path = travelled(trajectory.positions[:, trajectory.index(name)])
-    return np.interp(np.maximum(times, since), trajectory.times, path) - np.interp(since, trajectory.times, path)
 
 
 def _interpolated(times: Array, rows: Array) -> Array:

@@ -38,7 +38,12 @@ class AnswerToOne(Result):
     never: float | None = Field(default=None, description="of when: probability that it never holds")
     unit: str | None = Field(default=None, description="of value, or of x, y, z")
     value: Likely | None = Field(default=None, description="of when, how_often, how_fast, how_far")
-    place: dict[str, Likely] | None = Field(default=None, description="of where: by axis, and pixel u, v with a camera")
+    place: dict[str, Likely] | None = Field(
+        default=None, description="of where: by axis; in its own record also by pixel u, v"
+    )
+    by_world: dict[str, float | dict[str, float] | None] | None = Field(
+        default=None, description="of several worlds: what each answers by itself, a probability or medians"
+    )
     decided_by: Split | None = Field(default=None, description="the parameter that decides it, where one does")
     goes_with: list[Relation] | None = Field(default=None, description="parameters that it rises or falls with")
     from_prior: list[str] | None = Field(default=None, description="of these parameters, those that no frame shows")

@@ -73,6 +73,14 @@ class _Modelling(Result):
     next: str = Field(description="call to make next")
 
 
+class OtherWorld(Result):
+    """The world in the other representation, which follows the video no better by more than its scatter."""
+
+    world: str
+    representation: Literal["planar", "spatial"]
+    error_over_this: float = Field(description="its error over that of the world kept")
+
+
 class ModelledVideo(_Modelling):
     """Data of ModelVideo."""
 
@@ -84,6 +92,7 @@ class ModelledVideo(_Modelling):
         default=None, description="largest beside the body's size first; missing where the world diverges"
     )
     representation: Literal["planar", "spatial"]
+    other: OtherWorld | None = Field(default=None, description="missing where one representation alone was fitted")
     rolling: str = Field(description="how what can roll moves, as the evidence has it")
     values: list[FittedNumber] | None = Field(default=None, description="constants: frictions, restitutions, dampings")
     prediction: Prediction | None = Field(default=None, description="of the frames left out, and of what comes after")

@@ -20,7 +20,7 @@ from atw_mcp.calls.results import Answer, explained
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.probing.asking import AGGREGATIONS, Asked, HowFar, Question, answered
 from atw_mcp.probing.candidates import counts, mixture, weights
-from atw_mcp.probing.ensembles import MEMBERS, Ensemble, compute_ensemble, lineage
+from atw_mcp.probing.ensembles import LEAST, MEMBERS, Ensemble, compute_ensemble, lineage
 from atw_mcp.results.asking import AnswersToAll
 from atw_mcp.tools.experimentation import PATIENCE, CaseId, read_edits
 from atw_mcp.tools.querying import read_statement
@@ -99,7 +99,7 @@ def ask(
         lineage(app, found, one_base)  # refused before any work
     named, shares = bases, weights(app, found, bases)
     sizes = counts(shares, MEMBERS)
-    order = [int(k) for k in np.argsort(-shares, kind="stable") if sizes[k]]
+    order = [int(k) for k in np.argsort(-shares, kind="stable")]
     bases = tuple(bases[k] for k in order)
     base = bases[0]
     read: list[Asked] = []
@@ -140,12 +140,13 @@ def ask(
             with explained():
                 rollout, best = compute_rollout(app, plan.worlds[0], horizon)
                 parts = [
-                    compute_ensemble(app, found, changed, horizon, None, sizes[k], report)
+                    compute_ensemble(app, found, changed, horizon, None, max(sizes[k], LEAST), report)
                     for k, changed in zip(order, plan.worlds, strict=True)
                 ]
-                ensemble = mixture(parts, [shares[k] for k in order])
+                ensemble = mixture(parts, [shares[k] for k in order], [sizes[k] for k in order])
                 for i in plan.numbers:
-                    rows[i] = _answer(app, found, plan, rollout, best, read[i], ensemble, questions[i])
+                    alone = _by_world(app, bases, plan, parts, read[i], horizon)
+                    rows[i] = _answer(app, found, plan, rollout, best, read[i], ensemble, alone, questions[i])
         weighed = None if worlds is None else {named[k].id: float(shares[k]) for k in range(len(named))}
         return _together(found, base, [rows[i] for i in range(len(read))], horizon, observed, weighed)
 
@@ -205,10 +206,11 @@ def _answer(
     best: Rollout,
     asked: Asked,
     ensemble: Ensemble,
+    alone: dict[str, Any] | None,
     given: Any,
 ) -> dict[str, Any]:
     """Answer one question and record it as evidence of its own."""
-    about = answered(asked, ensemble, best, plan.worlds[0])
+    about = answered(asked, ensemble, best, plan.worlds[0]) | ({} if alone is None else {"by_world": alone})
     samples = [lineage(app, case, world).sample for world in plan.worlds]
     unseen = {name.removeprefix("objects.") for sample in samples for name in sample.document["from_bounds"]}
     named = [about["decided_by"]["parameter"]] if about.get("decided_by") else []
@@ -230,6 +232,21 @@ def _answer(
         ).to_evidence("Ask", {"case": case.id, "questions": [given]})
     )
     return {**row, "evidence": record.id}
+
+
+def _by_world(
+    app: App, bases: tuple[World, ...], plan: _Plan, parts: list[Ensemble], asked: Asked, horizon: float
+) -> dict[str, Any] | None:
+    """Return what each of several candidates answers by itself: a probability, or medians; None for one alone."""
+    if len(parts) < 2:
+        return None
+    found: dict[str, Any] = {}
+    for base, world, part in zip(bases, plan.worlds, parts, strict=True):
+        about = answered(asked, part, compute_rollout(app, world, horizon)[1], world)
+        medians = {axis: about["place"][axis]["median"] for axis in "xyz"} if "place" in about else None
+        value = about["value"]["median"] if "value" in about else None
+        found[base.id] = about.get("probability", about.get("probabilities", medians or value))
+    return found
 
 
 def _with_edits(plan: _Plan, question: str) -> str:
@@ -296,11 +313,12 @@ def _together(
 def _brief(row: dict[str, Any]) -> dict[str, Any]:
     """Return an answer without what its own record repeats: the answer in words, and its numbers."""
     brief = {name: row[name] for name in ("question", "answer", "evidence", "rollout")}
-    brief |= {name: row[name] for name in ("probability", "probabilities", "never", "unit") if name in row}
+    names = ("probability", "probabilities", "never", "unit", "by_world")
+    brief |= {name: row[name] for name in names if name in row}
     if "value" in row:
         brief["value"] = _narrow(row["value"])
     if "place" in row:
-        brief["place"] = {axis: _narrow(spread) for axis, spread in row["place"].items()}
+        brief["place"] = {axis: _narrow(row["place"][axis]) for axis in "xyz"}
     return brief
 
 

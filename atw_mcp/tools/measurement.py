@@ -225,7 +225,7 @@ class PointArgument(Argument):
     """A point whose place in the world and in the image is known."""
 
     world: Point = Field(description="x, y, z [m]; z is up")
-    pixel: Pixel = Field(description="u to the right, v down [px]")
+    pixel: Pixel = Field(description="u to the right, v down; 0, 0: centre of the first pixel")
 
 
 LENGTH_EXAMPLE = {"first_pixel": [40, 200], "second_pixel": [340, 200], "length": 1.5, "view": "side"}

@@ -34,3 +34,14 @@ def travelled(positions: Array) -> Array:
     """Return the length of the path [m] from the first of positions (..., T, 3) to each of them, (..., T)."""
     steps = np.linalg.norm(np.diff(positions, axis=-2), axis=-1)
     return np.concatenate([np.zeros((*positions.shape[:-2], 1)), np.cumsum(np.nan_to_num(steps), axis=-1)], axis=-1)
+
+
+def travelled_by_axis(positions: Array, normal: Array | None = None) -> Array:
+    """Return the distances [m] with which errors of positions (..., T, 3) go by axis, (..., T, 3).
+
+    That of the whole path, along z that of its rise and fall alone, since what lies on a floor stays on it; none across
+    a motion plane with this normal (3,).
+    """
+    whole, upright = travelled(positions), travelled(positions * [0.0, 0.0, 1.0])
+    found: Array = np.stack([whole, whole, upright], axis=-1)
+    return found if normal is None else found * (1.0 - np.abs(normal))

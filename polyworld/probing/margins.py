@@ -124,7 +124,7 @@ def state_margin(trajectory: Trajectory, world: World, predicate: Predicate) -> 
         if name not in trajectory.deformables:  # a deformable object's points turn with it
             spin = np.linalg.norm(trajectory.angular_velocities[:, i], axis=1)
             rest = np.minimum(rest, 1.0 - spin / predicate.spin)
-        return Margin(speed, rest, label)
+        return Margin(speed, predicate.speed * rest, label)  # [m/s], of a spin in proportion
     if isinstance(predicate, InsideRegion):
         depth = _depth(trajectory.positions[:, i], np.asarray(predicate.lower), np.asarray(predicate.upper))
         return Margin(depth, depth, "depth_inside_m")

@@ -9,7 +9,7 @@ import anyio
 import pytest
 
 from atw_mcp.replies import Reply, ToolFailed
-from atw_mcp.script import ScriptError, Step, read_arguments, read_script, resolved, run_script, split_pairs
+from atw_mcp.script import ScriptError, Step, read_arguments, read_line, read_script, resolved, run_script, split_pairs
 
 SCHEMAS: dict[str, Any] = {
     "Echo": {
@@ -171,3 +171,17 @@ def test_unknown_tool_is_refused_before_any_call(tmp_path: Path) -> None:
 
 def test_pairs_keep_equals_signs_in_values() -> None:
     assert split_pairs(["text=a=b", "number="]) == {"text": "a=b", "number": ""}
+
+
+def test_lists_and_objects_are_json_without_further_quotes() -> None:
+    """A quote within them is JSON's, also where the shell of a terminal would take it away."""
+    line = """Ask case=a worlds=["w-1", "w-2"] questions=[{"object": "it's"}] build='{"x": 1}' s={"t": "a]b=[c"}"""
+    step = read_line(line)
+    assert step is not None
+    assert step.arguments == {
+        "case": "a",
+        "worlds": '["w-1", "w-2"]',
+        "questions": '[{"object": "it\'s"}]',
+        "build": '{"x": 1}',
+        "s": '{"t": "a]b=[c"}',
+    }

@@ -11,7 +11,7 @@ from scipy.stats import cauchy
 from atw_mcp.calls.intervals import Span
 from atw_mcp.probing.ensemble_answers import query_answer, query_in_words, together, trajectory_answer
 from atw_mcp.probing.ensembles import Ensemble
-from atw_mcp.probing.prediction_errors import SETTINGS, chances, distance
+from atw_mcp.probing.prediction_errors import SETTINGS, chances, distance, travelled_since
 from polyworld.estimation.fit_settings import ModelSettings
 from polyworld.probing.predicates import AtRest, InsideRegion
 from polyworld.probing.query import QueryResult, query
@@ -75,10 +75,24 @@ def test_a_narrow_answer_about_what_comes_is_less_sure_and_says_why(members: Ens
     assert "after the last fitted frame" in query_in_words(about, "any")
 
 
-def test_what_has_no_margin_in_metres_is_less_sure_by_a_share(members: Ensemble) -> None:
-    moving = query(members.rollouts[0], members.worlds[0], AtRest(object="ball"), (1.0, END), "all")
-    assert moving.value is False
-    assert chances(members, [0], [moving], ["ball"])[0] == pytest.approx(0.5 * SETTINGS.rest)
+@pytest.mark.parametrize("by", [0.02, 0.5])
+def test_a_speed_is_as_probable_as_its_margin_beside_the_mean_speed(members: Ensemble, by: float) -> None:
+    slower = AtRest(object="ball", speed=SPEED - by)
+    result = query(members.rollouts[0], members.worlds[0], slower, (1.0, 1.0), "all")
+    assert result.value is False
+    (found,) = chances(members, [0], [result], ["ball"])
+    assert found == pytest.approx(cauchy.cdf(-by, scale=ModelSettings().path * SPEED), rel=1e-3)
+
+
+def test_what_has_no_margin_is_less_sure_by_a_share(members: Ensemble) -> None:
+    result = replace(past(members, SPEED * 1.5 - 0.4, 1.5), margin=None)
+    assert chances(members, [0], [result], ["ball"])[0] == pytest.approx(1.0 - 0.5 * SETTINGS.other)
+
+
+def test_a_ball_on_a_plane_errs_along_it_alone(members: Ensemble) -> None:
+    assert travelled_since(members, 0, "ball", np.array([0.2, 1.5])) == pytest.approx(
+        np.array([[0.0, 0.0, 0.0], [SPEED, SPEED, 0.0]]), rel=1e-6
+    )
 
 
 def test_several_statements_hold_together_as_often_as_all_of_them_do(members: Ensemble) -> None:

@@ -159,6 +159,8 @@ def test_candidate_worlds_weigh_by_what_they_predicted(tmp_path: Path) -> None:
     assert only == {first: 1.0}
     assert abs(wrong["median"] - STOP) > 0.01 > 2.0 * abs(alone["median"] - STOP)
     assert abs(both["median"] - STOP) < 0.005
+    side = session.shown("Ask", case="slide", questions=[question], worlds=[first, other])["data"]["answers"][0]
+    assert side["by_world"] == pytest.approx({first: alone["median"], other: wrong["median"]}, abs=0.005)
     squares = []
     for fit in (fitted, worse):
         about = next(body for body in fit["prediction"]["bodies"] if body["object"] == "red")

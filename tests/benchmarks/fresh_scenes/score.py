@@ -23,7 +23,7 @@ from atw_mcp.worlds.representation_choice import choose
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.fitted import StudyFit
-from polyworld.estimation.model_error import travelled, with_model_error
+from polyworld.estimation.model_error import travelled_by_axis, with_model_error
 from polyworld.solver.rollout import simulator
 from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
 from polyworld.world.description import Appearance
@@ -103,7 +103,7 @@ def rows_of(found: StudyFit, task: dict[str, Any], key: dict[str, Any], planar: 
         truth = path[int(at)] + (at - int(at)) * (path[min(int(at) + 1, len(path) - 1)] - path[int(at)])
         far = batch.positions[:, :, batch.names.index(name)]
         row = round(h / PACE)
-        places, walked = far[:, row], travelled(far)[:, row, None]
+        places, walked = far[:, row], travelled_by_axis(far, np.array([0.0, 0.0, 1.0]) if planar else None)[:, row]
         every = with_model_error(places[kept], walked[kept])
         low, high = np.quantile(every, (0.1, 0.9), axis=0) if kept.any() else np.full((2, 3), np.nan)
         counted = [c for c in range(axes.stop) if c < 2 or abs(truth[2] - path[last, 2]) > CHANGES]

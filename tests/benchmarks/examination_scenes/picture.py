@@ -1,0 +1,146 @@
+"""Film a scene with MuJoCo's renderer: camera, calibration points, looks, noise, compression."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.benchmarks.examination_scenes.world import SAMPLE, Array, Run, Scene, row, xml
+
+SIZES = ((480, 320), (640, 360), (640, 480), (960, 540), (960, 640))
+RGB = {
+    "red": (0.75, 0.1, 0.1), "blue": (0.12, 0.25, 0.75), "green": (0.1, 0.5, 0.15), "yellow": (0.85, 0.75, 0.1),
+    "purple": (0.5, 0.15, 0.6), "cyan": (0.1, 0.65, 0.7), "orange": (0.9, 0.45, 0.08), "gray": (0.45, 0.45, 0.45),
+}  # fmt: skip
+SURFACES = (
+    '<material name="metal" specular="0.9" shininess="0.8"/><material name="rubber" specular="0.05"/>'
+    '<material name="wood" specular="0.25" shininess="0.3"/>'
+)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Hold a pinhole camera: fovy [degrees], axes (right, up) in the world, picture size [px]."""
+
+    position: Array
+    right: Array
+    up: Array
+    fovy: float
+    size: tuple[int, int]
+
+    def pixel(self, world: Array) -> Array:
+        """Return pixels (..., 2) of places (..., 3); the centre of the first pixel is (0.5, 0.5)."""
+        offset = np.asarray(world) - self.position
+        back = np.cross(self.right, self.up)
+        focal = self.size[1] / 2 / math.tan(math.radians(self.fovy) / 2)
+        depth = -offset @ back
+        u = self.size[0] / 2 + focal * (offset @ self.right) / depth
+        v = self.size[1] / 2 - focal * (offset @ self.up) / depth
+        return np.stack([u, v], axis=-1)
+
+    def sees(self, world: Array, margin: float = 0.05) -> NDArray[np.bool_]:
+        """Return which places are in the picture, by a margin in parts of its size."""
+        part = self.pixel(world) / self.size
+        return np.asarray(((part > margin) & (part < 1 - margin)).all(axis=-1))
+
+
+def draw_camera(rng: np.random.Generator, places: Array, view: str) -> Camera:
+    """Return a camera that sees all places (n, 3), from the side (along y), aslant to it, or above."""
+    size, fovy = SIZES[rng.integers(len(SIZES))], float(rng.uniform(30, 50))
+    low, high = {"side": (0.0, 0.0), "aslant": (0.3, 0.8), "above": (-math.pi, math.pi)}[view]
+    turn = float(rng.uniform(low, high)) * rng.choice([-1, 1]) - math.pi / 2
+    rise = math.radians(rng.uniform(*{"side": (0, 3), "aslant": (8, 20), "above": (25, 45)}[view]))
+    back = np.array([math.cos(turn) * math.cos(rise), math.sin(turn) * math.cos(rise), math.sin(rise)])
+    right = np.array([-math.sin(turn), math.cos(turn), 0.0])
+    middle = (places.min(axis=0) + places.max(axis=0)) / 2
+    for far in np.arange(1.0, 12.0, 0.1):
+        camera = Camera(middle + far * back, right, np.cross(back, right), fovy, size)
+        if camera.sees(places, 0.12).all():
+            return Camera(middle + 1.12 * far * back, right, np.cross(back, right), fovy, size)
+    raise ValueError("no camera sees all places within 12 m")
+
+
+def calibration(rng: np.random.Generator, camera: Camera, places: Array) -> list[dict[str, Any]]:
+    """Return eight points, four on the floor and four above, with their pixels to 0.01."""
+    points: list[dict[str, Any]] = []
+    low, high = places.min(axis=0) - 0.5, places.max(axis=0) + 0.5
+    while len(points) < 8:
+        height = 0.0 if len(points) < 4 else rng.uniform(0.2, max(high[2], 0.5))
+        world = np.round([*rng.uniform(low[:2], high[:2]), height], 2)
+        pixel = camera.pixel(world)
+        clear = all(np.linalg.norm(pixel - p["pixel"]) > 0.12 * camera.size[1] for p in points)
+        if clear and camera.sees(world, 0.02):
+            points.append({"pixel": np.round(pixel, 2).tolist(), "world": world.tolist()})
+    return points
+
+
+def floor_texture(rng: np.random.Generator, side: int = 512) -> NDArray[np.uint8]:
+    """Return a floor of one of four kinds: plain, tiles, planks or cloudy stone."""
+    base = rng.uniform(90, 190, 3) * 0.5 + rng.uniform(90, 190) * 0.5
+    kind, v, u = rng.integers(4), *np.mgrid[:side, :side]
+    shade = np.ones((side, side))
+    if kind == 1:
+        shade += 0.06 * ((u // 128 + v // 128) % 2) - 0.25 * ((u % 128 < 3) | (v % 128 < 3))
+    elif kind == 2:
+        grain = cv2.GaussianBlur(rng.normal(size=(side, side)), (0, 0), sigmaX=20, sigmaY=1)
+        shade += 0.5 * grain + 0.1 * rng.normal(size=8)[v // 64] - 0.2 * (v % 64 < 2)
+    elif kind == 3:
+        shade += sum(s * 0.08 * cv2.GaussianBlur(rng.normal(size=(side, side)), (0, 0), s) for s in (2, 6, 18))
+    return np.clip(base * shade[..., None], 0, 255).astype(np.uint8)
+
+
+def looks(rng: np.random.Generator, scene: Scene) -> dict[str, str]:
+    """Return geom attributes of everything in a scene."""
+    result = {"floor": 'material="ground"'}
+    for body in scene.named:
+        colour, material, _ = body.name.split("_")
+        result[body.name] = f'material="{material}" rgba="{row(np.clip(RGB[colour] + rng.normal(0, 0.03, 3), 0, 1))} 1"'
+    for fixed in scene.fixed:
+        result[fixed.name] = f'material="wood" rgba="{row([rng.uniform(0.4, 0.8)] * 3)} 1"'
+    result["rope"] = 'rgba=".75 .65 .45 1"'
+    result["cloth"] = f'rgba="{row(rng.uniform(0.5, 0.95, 3))} 1"'
+    return result
+
+
+def film(rng: np.random.Generator, scene: Scene, run: Run, camera: Camera, at: list[float], path: Path) -> None:
+    """Write the clip. at: times of its frames [s]."""
+    width, height = camera.size
+    sun = row([*rng.uniform(-2, 2, 2), 4.0])
+    setting = (
+        f'<light pos="{sun}" dir="{row(-np.array([float(x) for x in sun.split()]))}" directional="true" '
+        f'diffuse="{row([rng.uniform(0.45, 0.7)] * 3)}" castshadow="true"/>'
+        f'<light pos="0 -4 5" dir="0 0.6 -1" directional="true" diffuse="{row([rng.uniform(0.1, 0.3)] * 3)}" '
+        f'castshadow="false"/><camera name="eye" pos="{row(camera.position)}" fovy="{camera.fovy}" '
+        f'xyaxes="{row(camera.right)} {row(camera.up)}"/>'
+    )
+    assets = (
+        f'<visual><global offwidth="{2 * width}" offheight="{2 * height}"/><quality shadowsize="2048" offsamples="0"/>'
+        '<headlight ambient=".35 .35 .35" diffuse=".15 .15 .15" specular="0 0 0"/></visual><asset>'
+        f'{SURFACES}<texture name="ground" type="2d" builtin="flat" width="512" height="512"/><texture type="skybox" '
+        f'builtin="gradient" rgb1="{row(rng.uniform(0.5, 0.9, 3))}" rgb2="{row(rng.uniform(0.2, 0.6, 3))}" width="64" '
+        'height="64"/><material name="ground" texture="ground" texrepeat="1 1" texuniform="true" specular="0"/></asset>'
+    )
+    model = mujoco.MjModel.from_xml_string(xml(scene, scene.step, looks(rng, scene), setting, assets))
+    number = model.texture("ground").id
+    texture = floor_texture(rng).ravel()
+    model.tex_data[model.tex_adr[number] : model.tex_adr[number] + texture.size] = texture
+    data = mujoco.MjData(model)
+    code, rate = cv2.VideoWriter.fourcc(*"mp4v"), (len(at) - 1) / (at[-1] - at[0])
+    noise, writer = rng.uniform(1.0, 3.0), cv2.VideoWriter(str(path), code, rate, camera.size)
+    with mujoco.Renderer(model, 2 * height, 2 * width) as renderer:
+        for time in at:
+            low = int(time / SAMPLE)
+            data.qpos[:] = run.states[low] + (time / SAMPLE - low) * (run.states[low + 1] - run.states[low])
+            mujoco.mj_forward(model, data)
+            renderer.update_scene(data, camera="eye")
+            picture = cv2.resize(renderer.render(), camera.size, interpolation=cv2.INTER_AREA).astype(float)
+            picture += rng.normal(0, noise, picture.shape)
+            writer.write(np.ascontiguousarray(np.clip(picture, 0, 255).astype(np.uint8)[..., ::-1]))
+    writer.release()
