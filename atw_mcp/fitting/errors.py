@@ -13,6 +13,7 @@ from atw_mcp.fitting.verdict import SETTINGS, is_far_off
 from atw_mcp.observation.track_records import TrackRecord, at_rate
 from atw_mcp.worlds.rollouts import compute_rollout
 from polyworld.data.tracks import without_spread
+from polyworld.probing.compare import positions_at
 from polyworld.world import World
 from polyworld.world.geometry import equivalent_radius, plane_axes
 
@@ -71,18 +72,20 @@ def object_errors(
     """
     step = world.time.seconds_per_frame
     tracks = at_rate(record.tracks, step).window(*frames)
-    _, result = compute_rollout(app, world, step * max(frames[1], 1), lambda _: progress.report(progress.done, 1.0))
+    horizon = step * max(float(np.ceil(tracks.moments[-1] - 1e-9)), 1.0)
+    _, result = compute_rollout(app, world, horizon, lambda _: progress.report(progress.done, 1.0))
     if result.status != "completed":
         raise ValueError(f"the world's run {result.why_ended()}")
     trajectory = result.trajectory
-    rows = [int(np.argmin(np.abs(trajectory.times - time))) for time in tracks.times]
+    times = np.minimum(tracks.times, trajectory.times[-1])
+    rows = np.searchsorted(trajectory.times, times + 1e-9, side="right") - 1
     normal = plane_axes(world.environment.motion_plane)[2]
     found = []
     for item in world.objects:
         if item.name not in tracks.names:
             continue
         column, theirs = trajectory.index(item.name), tracks.index(item.name)
-        simulated, observed = trajectory.positions[rows, column], tracks.positions[:, theirs]
+        simulated, observed = positions_at(trajectory, column, times), tracks.positions[:, theirs]
         apart = simulated - observed
         if world.planar:
             apart = apart - np.outer(apart @ normal, normal)

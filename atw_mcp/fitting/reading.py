@@ -78,11 +78,8 @@ def prediction_in_words(document: dict[str, Any]) -> str:
         if errors
         else ""
     )
-    return (
-        f"{said}; 80% intervals of +-{spread[1]:.2g} m 0.5 s and +-{spread[2]:.2g} m 1 s after the last frame".lstrip(
-            "; "
-        )
-    )
+    ahead = f"80% intervals of +-{spread[1]:.2g} m 0.5 s and +-{spread[2]:.2g} m 1 s after the last frame"
+    return "; ".join(filter(None, (said, ahead if np.isfinite(spread).all() else "")))
 
 
 def next_step(case: str, world: str, document: dict[str, Any]) -> str:

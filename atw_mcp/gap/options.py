@@ -51,6 +51,12 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--units", default="", metavar="UNITS", help="of columns that state none, as mm,ms or x=mm,t=ms,theta=deg"
     )
+    group.add_argument(
+        "--columns",
+        default="{}",
+        metavar="DICT",
+        help="what headers mean, with units, as \"{'Y': 'z [mm]', '2': 'x [0.002 m]'}\"; 1, 2, ... without a header",
+    )
     clock = group.add_mutually_exclusive_group()
     clock.add_argument("--fps", type=float, metavar="F", help="frames per second of a column frame, in physical time")
     clock.add_argument("--seconds-per-frame", type=float, metavar="S", help="the same as seconds")

@@ -12,7 +12,8 @@ from pydantic import TypeAdapter, ValidationError
 from atw_mcp.calls.app import App
 from atw_mcp.calls.results import validation_text
 from atw_mcp.cases.cases import path_hash
-from atw_mcp.observation.observing import keep_calibration, keep_image_observation, video_file
+from atw_mcp.observation.observing import SIDE_VIEW, keep_calibration, keep_image_observation, video_file
+from atw_mcp.observation.recording_records import READER
 from atw_mcp.observation.track_records import TrackRecord, at_rate, read_record, to_document
 from atw_mcp.perception.calibration import Calibration
 from atw_mcp.perception.import_files import ImportDataError, read_json
@@ -22,9 +23,11 @@ from atw_mcp.perception.import_tracks import clevrer_appearances, import_tracks
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.worlds.building import ObservedObject
 from evidence_store import Case, Content
+from polyworld.data.recording_header import RecordingForm
 from polyworld.data.tracks import ObservedTracks, shapes_only
 from polyworld.world.shapes import BodyShape, Box, Cylinder, Sphere
 
+OFF_FRAME = 0.05  # [frames] by which times of shapes may miss those of the tracks: rounding, and no motion
 _SHAPE: TypeAdapter[Any] = TypeAdapter(BodyShape)
 
 
@@ -32,23 +35,31 @@ _SHAPE: TypeAdapter[Any] = TypeAdapter(BodyShape)
 
 
 def keep_tracks(
-    app: App, case: Case, path: Path, seconds_per_frame: float | None, position_sigma: float | None
-) -> TrackRecord:
-    """Tracks in world coordinates, with what the file says about its objects."""
-    inputs = {"file": path_hash(path), "seconds_per_frame": seconds_per_frame, "position_sigma": position_sigma}
-    tracks = import_tracks(path, seconds_per_frame=seconds_per_frame, position_sigma=position_sigma)
-    if seconds_per_frame is not None:
-        tracks = at_rate(tracks, seconds_per_frame)  # also where the file states another rate
+    app: App, case: Case, path: Path, form: RecordingForm, position_sigma: float | None
+) -> tuple[TrackRecord, tuple[str, ...]]:
+    """Tracks in world coordinates, with what the file says about its objects, and what was not taken from it."""
+    inputs = {
+        "file": path_hash(path),
+        "columns": dict(form.columns),
+        "seconds_per_frame": form.seconds_per_frame,
+        "position_sigma": position_sigma,
+        "reader": READER,
+    }
+    found = import_tracks(path, form, position_sigma=position_sigma)
+    tracks = found.tracks
+    if form.seconds_per_frame is not None:
+        tracks = at_rate(tracks, form.seconds_per_frame)  # also where the file states another rate
     document = to_document(
         tracks,
         objects_of(path, tracks),
-        heights_assumed=False,
+        heights_assumed=bool(found.unmeasured),
         source={"kind": "imported", "file": path.name, "sha256": inputs["file"]},
+        plane=SIDE_VIEW if found.unmeasured == "y" else None,
     )
     with app.store.transaction():
         content = app.store.observations.put("imported_tracks", inputs, document)
         app.store.cases.add_observation(case.id, "tracks", content.id)
-    return TrackRecord.of(content)
+    return TrackRecord.of(content), found.remarks
 
 
 def keep_points(
@@ -56,26 +67,28 @@ def keep_points(
     case: Case,
     path: Path,
     points_are: PointsAre,
-    seconds_per_frame: float | None,
+    form: RecordingForm,
     position_sigma: float | None,
 ) -> tuple[TrackRecord, ImportedShapes]:
     """Points of deformable objects, added to the case's latest tracks, or alone."""
     base = read_record(app.store, case)
-    step = seconds_per_frame if base is None else base.tracks.seconds_per_frame
-    found = import_points(path, points_are=points_are, seconds_per_frame=step, position_sigma=position_sigma)
+    step = form.seconds_per_frame if base is None else base.tracks.seconds_per_frame
+    found = import_points(
+        path, points_are=points_are, columns=form.columns, seconds_per_frame=step, position_sigma=position_sigma
+    )
     inputs = {"points": path_hash(path), "points_are": points_are, "position_sigma": position_sigma}
-    return _add_shapes(app, case, base, path, found, inputs, seconds_per_frame), found
+    return _add_shapes(app, case, base, path, found, inputs, form), found
 
 
 def keep_series(
-    app: App, case: Case, path: Path, seconds_per_frame: float | None, value_sigma: float | None
+    app: App, case: Case, path: Path, form: RecordingForm, value_sigma: float | None
 ) -> tuple[TrackRecord, ImportedShapes]:
     """Scalar series of deformable objects, added to the case's latest tracks, or alone."""
     base = read_record(app.store, case)
-    step = seconds_per_frame if base is None else base.tracks.seconds_per_frame
-    found = import_series(path, seconds_per_frame=step, sigma=value_sigma)
+    step = form.seconds_per_frame if base is None else base.tracks.seconds_per_frame
+    found = import_series(path, columns=form.columns, seconds_per_frame=step, sigma=value_sigma)
     inputs = {"series": path_hash(path), "value_sigma": value_sigma}
-    return _add_shapes(app, case, base, path, found, inputs, seconds_per_frame), found
+    return _add_shapes(app, case, base, path, found, inputs, form), found
 
 
 def _add_shapes(
@@ -85,20 +98,27 @@ def _add_shapes(
     path: Path,
     found: ImportedShapes,
     inputs: dict[str, Any],
-    seconds_per_frame: float | None,
+    form: RecordingForm,
 ) -> TrackRecord:
     if base is None:
-        tracks = shapes_only(found.series, found.frames, found.seconds_per_frame)
+        clock = None if np.array_equal(found.clock, found.frames) else found.clock
+        tracks = shapes_only(found.series, found.frames, found.seconds_per_frame, clock)
     else:
-        rate = base.tracks.seconds_per_frame
-        for said in (seconds_per_frame, found.seconds_per_frame):
-            if said is not None and abs(said / rate - 1.0) > 1e-9:
-                raise ImportDataError(
-                    f"{path.name} has {said:.6g} s per frame, the tracks {base.id} it joins {rate:.6g}: import it with "
-                    "frame numbers, or with times that fall on those frames"
-                )
+        rate, stated = base.tracks.seconds_per_frame, form.seconds_per_frame
+        there = np.array([base.tracks.time_of(int(f)) / rate for f in found.frames])
+        apart = found.clock - (found.frames if np.array_equal(found.clock, found.frames) else there)
+        off = float(np.abs(apart).max(initial=0.0))
+        if off > OFF_FRAME or np.any(np.diff(found.frames) < 1) or abs((stated or rate) / rate - 1.0) > 1e-9:
+            own = (
+                f"times {off * rate:.3g} s off the frames of" if stated is None else f"{stated:.6g} s per frame, unlike"
+            )
+            raise ImportDataError(
+                f"{path.name} has {own} the tracks {base.id} that it joins, which have {rate:.6g} s per frame: import "
+                "it with frame numbers, or with times that fall on those frames"
+            )
         tracks = base.tracks.with_shapes(found.series, found.frames)
-    joined = {**inputs, "base": None if base is None else base.id, "seconds_per_frame": seconds_per_frame}
+    joined = {**inputs, "base": None if base is None else base.id, "seconds_per_frame": form.seconds_per_frame}
+    joined |= {"columns": dict(form.columns), "reader": READER}
     document = to_document(
         tracks,
         () if base is None else base.objects,

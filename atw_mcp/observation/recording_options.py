@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import ast
 import sys
 import warnings
 from pathlib import Path
@@ -22,12 +23,19 @@ def recording_form(options: argparse.Namespace) -> RecordingForm:
         Units.of(options.units)
     except ValueError as error:
         raise ValueError(f"--units: {str(error).partition(': ')[2]}") from error
+    try:
+        columns = ast.literal_eval(options.columns)
+    except (ValueError, SyntaxError):
+        columns = None
+    if not isinstance(columns, dict) or not all(isinstance(text, str) for pair in columns.items() for text in pair):
+        raise ValueError(f"--columns takes headers and what they mean, as {{'Y': 'z [mm]'}}, got {options.columns!r}")
     seconds = options.seconds_per_frame
     if options.fps is not None:
         seconds = 1.0 / options.fps if options.fps > 0.0 else -1.0
     if seconds is not None and not 0.0 < seconds < float("inf"):
         raise ValueError("--fps and --seconds-per-frame take a positive number")
     return RecordingForm(
+        columns=columns,
         units=options.units,
         seconds_per_frame=seconds,
         pixels=_pixels(options),

@@ -23,7 +23,7 @@ from polyworld.gap.sealed import Split, hold_out
 from polyworld.world import World
 
 KIND = "recording"
-READER = 2  # counts changes of what the reader makes of a file
+READER = 3  # counts changes of what the reader makes of a file
 
 
 @dataclass(frozen=True)
@@ -44,20 +44,18 @@ class Imported:
     remarks: tuple[str, ...]
 
 
-def keep_recording(
-    app: App, case: Case, path: Path, sealed: Sequence[str] | None, seconds_per_frame: float | None = None
-) -> Imported:
-    """Keep a CSV of runs as the case's latest recording.
+def keep_recording(app: App, case: Case, path: Path, sealed: Sequence[str] | None, form: RecordingForm) -> Imported:
+    """Keep a table of runs as the case's latest recording.
 
-    sealed: names of the runs that are sealed; default: as `hold_out` chooses. seconds_per_frame [s]: of a file that
-    counts frames. A file without a column `object` shows the only moving object of the case's latest world, and angles
-    are of bodies on that world's hinges. Raises ValueError or KeyError for files that cannot be read.
+    sealed: names of the runs that are sealed; default: as `hold_out` chooses. A file without a column `object` shows
+    the only moving object of the case's latest world, and angles are of bodies on that world's hinges. Raises
+    ValueError or KeyError for files that cannot be read.
     """
     drafts = [world for world, _ in app.store.cases.worlds(case.id)]
     world = app.world(case, drafts[-1]) if drafts else None
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        recording = read_recording(path, form=RecordingForm(seconds_per_frame=seconds_per_frame), world=world)
+        recording = read_recording(path, form=form, world=world)
     parts = hold_out(recording, sealed)
     listed = None if sealed is None else list(sealed)
     inputs: dict[str, Any] = {
@@ -66,8 +64,10 @@ def keep_recording(
         "objects": sorted({name for run in recording.runs for name in run.names}),
         "reader": READER,
     }
-    if seconds_per_frame is not None:
-        inputs["seconds_per_frame"] = seconds_per_frame
+    if form.seconds_per_frame is not None:
+        inputs["seconds_per_frame"] = form.seconds_per_frame
+    if form.columns:
+        inputs["columns"] = dict(form.columns)
     if world is not None and world.joints:  # angles are converted by its hinges
         inputs["world"] = world.id
     document = {"source": {"file": path.name, "sha256": inputs["file"]}, "sealed": listed, **_plain(recording)}
@@ -149,6 +149,7 @@ def _plain(recording: Recording) -> dict[str, Any]:
                 "sigma": run.sigma,
                 "symmetry": list(run.symmetry),
                 "lead": run.lead,
+                **({"arms": _listed(np.array(run.arms))} if np.isfinite(run.arms).any() else {}),
                 **(
                     {"angular_velocities": _listed(spins)} if np.isfinite(spins := run.angular_velocities).any() else {}
                 ),
@@ -174,6 +175,7 @@ def recording_of(document: dict[str, Any]) -> Recording:
                 angular_velocities=np.asarray(item.get("angular_velocities", []), dtype=float).reshape(
                     -1, len(item["names"]), 3
                 ),
+                arms=tuple(np.asarray(item.get("arms", []), dtype=float).tolist()),
             )
             for item in document["runs"]
         )

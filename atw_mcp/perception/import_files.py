@@ -6,6 +6,7 @@ import json
 import math
 import zipfile
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,12 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception.observation import ObservationError
-from polyworld.data.table import Line, Numbers, Problems, file_text, in_file, read_table
+from polyworld.data.recording_columns import Column, Units, name_columns, renamed
+from polyworld.data.recording_header import without_units_row
+from polyworld.data.table import Numbers, Problems, read_table
+from polyworld.data.table_files import file_text, in_file
+from polyworld.data.table_forms import Line
+from polyworld.data.tracks import frame_grid
+
+Floats = NDArray[np.float64]
+Frames = NDArray[np.int64]
 
 LARGEST_ARRAYS = 1_500_000_000  # bytes of all arrays of a file: as much as a video may have decoded
-# Columns of the tables read here. Headers are repeated only as far as they are these: other files hold other things.
-COLUMNS = frozenset(("frame", "t", "object", "x", "y", "z", "qw", "qx", "qy", "qz", "yaw", "confidence", "sigma"))
-COLUMNS |= {"point", "quantity", "value", "container", "share", "at"}
 
 
 class ImportDataError(ObservationError):
@@ -28,28 +34,24 @@ class ImportDataError(ObservationError):
 
 @dataclass
 class MeasuredTable:
-    """Rows of a table of measurements over frames or times, whose cells are read by the names of columns."""
+    """Rows of a table of measurements over frames or times, whose cells are read by the quantities of columns."""
 
     file: Path
-    columns: dict[str, int]
+    columns: dict[str, Column]
     rows: tuple[Line, ...]
     _problems: Problems = field(default_factory=Problems, init=False)
 
     def __post_init__(self) -> None:
         self._numbers = Numbers(self._problems)
 
-    @property
-    def clock(self) -> str:
-        """The column that orders the rows: frame, or t."""
-        return "frame" if "frame" in self.columns else "t"
-
     def text(self, row: Line, column: str) -> str:
         """Return a cell, empty where there is no such column."""
-        return row.cells[self.columns[column]] if column in self.columns else ""
+        return row.cells[self.columns[column].index] if column in self.columns else ""
 
     def number(self, row: Line, column: str) -> float:
-        """Return the number in a cell, NaN where nothing was measured; `check` raises for what is no number."""
-        return self._numbers.read(row.number, column, self.text(row, column))
+        """Return the number in a cell, in SI, NaN where nothing was measured; `check` raises for what is no number."""
+        factor = self.columns[column].factor if column in self.columns else 1.0
+        return factor * self._numbers.read(row.number, column, self.text(row, column))
 
     def check(self) -> None:
         """Raise ImportDataError naming the lines whose cells were not numbers."""
@@ -59,22 +61,44 @@ class MeasuredTable:
         except ValueError as error:
             raise ImportDataError(in_file(self.file, error)) from error
 
+    def clock(self, seconds_per_frame: float | None) -> str:
+        """Return the column that orders the rows: frame where it is there and its time is known, else t."""
+        return "frame" if "frame" in self.columns and (seconds_per_frame or "t" not in self.columns) else "t"
 
-def read_measured_table(file: Path, needed: tuple[str, ...]) -> MeasuredTable:
-    """Return a table in any form that `read_table` reads, with the columns needed, and frame or t."""
+    def grid(self, times: set[float], seconds_per_frame: float | None) -> tuple[Frames, float, Floats, Floats]:
+        """Return the moments at which something was measured, as the clock's column has them: their frame numbers,
+        seconds per frame, the clock in frames, and the moments."""
+        moments = np.array(sorted(times))
+        if self.clock(seconds_per_frame) == "t":
+            return (*frame_grid(moments, seconds_per_frame), moments)
+        if seconds_per_frame is None:
+            raise ImportDataError(f"{self.file.name}: frames but no times: give seconds_per_frame (or a column t)")
+        if np.any(moments != np.round(moments)):
+            raise ImportDataError(f"{self.file.name}: frame must be whole numbers, got {moments[:3].tolist()}")
+        return moments.astype(np.int64), seconds_per_frame, moments, moments
+
+
+def read_measured_table(
+    path: str | Path, needed: tuple[str, ...], more: tuple[str, ...], meanings: Mapping[str, str]
+) -> MeasuredTable:
+    """Return a table in any form that `read_table` reads, with the columns needed, perhaps more, and t or frame.
+
+    meanings: other headers, by those in the file.
+    """
+    file = existing_table(path)
     try:
-        table = read_table(file_text(file))
+        table = without_units_row(read_table(file_text(file)))
+        line, header = table.header.number, table.header.cells
+        known = {*needed, *more, "t", "frame"}
+        columns, _ = name_columns(line, renamed(line, header, meanings), Units(), known)
+        missing = [c for c in needed if c not in columns]
+        if not {"t", "frame"} & columns.keys():
+            missing.insert(0, "t or frame")
+        if missing:
+            there = ", ".join(columns) or "none"
+            raise ValueError(f"line {line}: columns missing: {', '.join(missing)}; known columns there: {there}")
     except ValueError as error:
         raise ImportDataError(in_file(file, error)) from error
-    columns = {name: i for i, name in enumerate(table.header.cells)}
-    missing = [c for c in needed if c not in columns]
-    if "frame" not in columns and "t" not in columns:
-        missing.insert(0, "frame or t")
-    if missing:
-        known = [name for name in columns if name in COLUMNS]
-        raise ImportDataError(
-            f"{file.name}: columns missing: {missing}; known columns in line {table.header.number}: {known}"
-        )
     return MeasuredTable(file, columns, table.rows)
 
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.perception.import_files import ImportDataError, MeasuredTable, existing_table, read_measured_table
-from atw_mcp.perception.import_tracks import DEFAULT_SIGMA, confidence_in, time_base
+from atw_mcp.perception.import_files import ImportDataError, MeasuredTable, read_measured_table
+from atw_mcp.perception.import_tracks import DEFAULT_SIGMA
 from polyworld.data.shape_series import ShapeSeries
-from polyworld.data.table import Line
+from polyworld.data.table_forms import Line
 from polyworld.probing.readouts import Amount, Centreline, Curve, Front, Markers, Readout, Tension
 from polyworld.probing.readouts.centreline import resampled
 
@@ -32,9 +34,10 @@ _FRONTS = {"front_x": (1.0, 0.0, 0.0), "front_y": (0.0, 1.0, 0.0), "front_z": _U
 
 @dataclass(frozen=True)
 class ImportedShapes:
-    """Series over frames (T,), with what was left out and why."""
+    """Series over frames (T,) at clock (T,) [frames], with what was left out and why."""
 
     frames: NDArray[np.int64]
+    clock: Floats
     seconds_per_frame: float
     series: tuple[ShapeSeries, ...]
     left_out: tuple[str, ...]
@@ -44,30 +47,29 @@ def import_points(
     path: str | Path,
     *,
     points_are: PointsAre,
+    columns: Mapping[str, str] = MappingProxyType({}),
     seconds_per_frame: float | None = None,
     position_sigma: float | None = None,
 ) -> ImportedShapes:
-    """Points of deformable objects from CSV: columns frame or t, object, point (a number or name), x, y and optionally
-    z, confidence, sigma [m].
+    """Points of deformable objects from a table: columns t or frame, object, point (a number or name), x, y, z and
+    optionally confidence, sigma [m]; other headers by `columns`.
 
     markers: each point is a mark on the material, identified by its position in the first frame of the file; a
     mark not seen then is left out. centreline: an object's points are numbered along it, from end to end; in frames
     where one is missing the others are taken for a part of the curve. Raises ImportDataError.
     """
-    table = _table(path, ("object", "point", "x", "y"))
-    file, columns = table.file, list(table.columns)
+    table = read_measured_table(path, ("object", "point", "x", "y", "z"), ("confidence", "sigma"), columns)
+    file, key = table.file, table.clock(seconds_per_frame)
     by_object: dict[str, dict[str, list[dict[str, float]]]] = defaultdict(lambda: defaultdict(list))
-    keys = [k for k in ("frame", "t", "x", "y", "z", "confidence", "sigma") if k in columns]
+    keys = [k for k in (key, "x", "y", "z", "confidence", "sigma") if k in table.columns]
     for row in table.rows:
         name, point = table.text(row, "object"), table.text(row, "point")
         if not name or not point:
             raise ImportDataError(f"{file.name}: line {row.number}: the {'point' if name else 'object'} has no name")
         by_object[name][point].append({k: table.number(row, k) for k in keys})
     table.check()
-    key = table.clock
     records = {f"{name}.{point}": r for name, points in by_object.items() for point, r in points.items()}
-    moments = _moments(file, records, key)
-    frames, step = time_base(file, columns, records, moments, seconds_per_frame)
+    frames, step, clock, moments = table.grid(_moments(file, records, key), seconds_per_frame)
     default = DEFAULT_SIGMA if position_sigma is None else position_sigma
     series: list[ShapeSeries] = []
     left_out: list[str] = []
@@ -78,7 +80,7 @@ def import_points(
         for k, point in enumerate(order):
             for record in points[point]:
                 t = int(np.searchsorted(moments, record[key]))
-                place = [record["x"], record["y"], record.get("z", 0.0)]
+                place = [record["x"], record["y"], record["z"]]
                 if not np.all(np.isfinite(place)):
                     continue
                 values[t, k] = place
@@ -97,31 +99,34 @@ def import_points(
             raise ImportDataError(f"{file.name}: object {name!r}: a centreline needs at least two points")
         else:
             series += _centrelines(name, values, sigma, confidence)
-    return ImportedShapes(frames, step, tuple(series), tuple(left_out))
+    return ImportedShapes(frames, clock, step, tuple(series), tuple(left_out))
 
 
 def import_series(
-    path: str | Path, *, seconds_per_frame: float | None = None, sigma: float | None = None
+    path: str | Path,
+    *,
+    columns: Mapping[str, str] = MappingProxyType({}),
+    seconds_per_frame: float | None = None,
+    sigma: float | None = None,
 ) -> ImportedShapes:
-    """Scalar time series from CSV: columns frame or t, object, quantity, value and optionally sigma, confidence,
-    container, at, share.
+    """Scalar time series from a table: columns t or frame, object, quantity, value and optionally sigma, confidence,
+    container, at, share; other headers by `columns`.
 
     quantity: `QUANTITIES`. sigma is the accuracy of values that state none, in their own unit. Raises ImportDataError,
     also where no accuracy is given: a fit weighs by it.
     """
-    table = _table(path, ("object", "quantity", "value"))
-    file, columns = table.file, list(table.columns)
+    more = ("sigma", "confidence", "container", "at", "share")
+    table = read_measured_table(path, ("object", "quantity", "value"), more, columns)
+    file, key = table.file, table.clock(seconds_per_frame)
     found: dict[Readout, list[dict[str, float]]] = defaultdict(list)
-    keys = [k for k in ("frame", "t", "value", "sigma", "confidence") if k in columns]
+    keys = [k for k in (key, "value", "sigma", "confidence") if k in table.columns]
     for row in table.rows:
         found[_quantity(table, row)].append({k: table.number(row, k) for k in keys})
     table.check()
-    key = table.clock
     records = {f"{r.kind} of {r.object}": rows for r, rows in found.items()}
     if len(records) < len(found):
         records = {f"{i}. {r.kind} of {r.object}": rows for i, (r, rows) in enumerate(found.items())}
-    moments = _moments(file, records, key)
-    frames, step = time_base(file, columns, records, moments, seconds_per_frame)
+    frames, step, clock, moments = table.grid(_moments(file, records, key), seconds_per_frame)
     series = []
     for readout, entries in found.items():
         values, sigmas = np.full((len(frames), 1, 1), np.nan), np.full((len(frames), 1), np.nan)
@@ -142,17 +147,10 @@ def import_series(
                 confidence_in(record.get("confidence", 1.0), file, readout.object),
             )
         series.append(ShapeSeries(readout, values, sigmas, confidence))
-    return ImportedShapes(frames, step, tuple(series), ())
+    return ImportedShapes(frames, clock, step, tuple(series), ())
 
 
-def _table(path: str | Path, needed: tuple[str, ...]) -> MeasuredTable:
-    file = existing_table(path)
-    if file.suffix.lower() != ".csv":
-        raise ImportDataError(f"{file.name}: points and series come as .csv")
-    return read_measured_table(file, needed)
-
-
-def _moments(file: Path, records: dict[str, list[dict[str, float]]], key: str) -> Floats:
+def _moments(file: Path, records: dict[str, list[dict[str, float]]], key: str) -> set[float]:
     for name, entries in records.items():
         moments = [r[key] for r in entries]
         if not np.all(np.isfinite(moments)):
@@ -160,7 +158,7 @@ def _moments(file: Path, records: dict[str, list[dict[str, float]]], key: str) -
         if np.any(np.diff(moments) <= 0):
             at = int(np.argmax(np.diff(moments) <= 0))
             raise ImportDataError(f"{file.name}: {name}: {key} does not increase after {moments[at]:g}")
-    return np.unique([r[key] for entries in records.values() for r in entries])
+    return {r[key] for entries in records.values() for r in entries}
 
 
 def _natural(point: str) -> tuple[int, float, str]:
@@ -213,3 +211,12 @@ def _quantity(table: MeasuredTable, row: Line) -> Readout:
         return Tension(object=name, at=share("at"))
     choices = "; ".join(f"{k}: {v}" for k, v in QUANTITIES.items())
     raise ImportDataError(f"{where}: unknown quantity {quantity!r}; quantities: {choices}")
+
+
+def confidence_in(value: float, file: Path, name: str) -> float:
+    """Return a confidence in 0..1, 1 where a cell is empty; raises ImportDataError."""
+    if not np.isfinite(value):
+        return 1.0
+    if not 0 <= value <= 1:
+        raise ImportDataError(f"{file.name}: object {name!r}: confidence must lie in 0..1, got {value:g}")
+    return value

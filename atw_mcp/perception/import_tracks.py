@@ -1,8 +1,9 @@
-"""Tracks made by other programs: CSV, JSON, npz, and CLEVRER annotation files."""
+"""Tracks made by other programs: tables, JSON, and CLEVRER annotation files."""
 
 from __future__ import annotations
 
-from collections import defaultdict
+import warnings
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,50 +11,53 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from atw_mcp.perception.import_files import ImportDataError, existing_table, read_arrays, read_json, read_measured_table
+from atw_mcp.perception.import_files import ImportDataError, existing_table, read_json
 from atw_mcp.perception.naming import unique
-from polyworld.data.tracks import ObservedTracks
+from polyworld.data.recording_csv import parse_reading
+from polyworld.data.recording_header import RecordingForm
+from polyworld.data.table_files import file_text, in_file
+from polyworld.data.tracks import ObservedTracks, frame_grid
 from polyworld.world.description import Appearance
 
 Floats = NDArray[np.float64]
 
 
-DEFAULT_SIGMA = 0.01  # m; stated in the result's tracks where a file gives no accuracy
+DEFAULT_SIGMA = 0.01  # m; of positions in a file that gives no accuracy
 CLEVRER_SECONDS_PER_FRAME = 0.028  # displacement per frame over annotated velocity
+_PLAIN = RecordingForm()
 CLEVRER_SIGMA = 0.001  # m; annotations are rounded to 1e-4
-_NUMBERS = ("frame", "t", "x", "y", "z", "qw", "qx", "qy", "qz", "yaw", "confidence", "sigma")
-_FORMATS = ".csv (columns frame or t, object, x, y[, z, qw, qx, qy, qz, yaw, confidence, sigma]), .json, .npz"
+
+
+@dataclass(frozen=True)
+class ImportedTracks:
+    """Tracks of a file. remarks: what was not used or not measured; unmeasured: axes without a measured place."""
+
+    tracks: ObservedTracks
+    remarks: tuple[str, ...] = ()
+    unmeasured: str = ""
 
 
 def import_tracks(
-    path: str | Path, *, seconds_per_frame: float | None = None, position_sigma: float | None = None
-) -> ObservedTracks:
+    path: str | Path, form: RecordingForm = _PLAIN, *, position_sigma: float | None = None
+) -> ImportedTracks:
     """Tracks of objects in the world [m] from a file.
 
-    CSV: columns frame (whole number) or t [s], object, x, y, and optionally z, a quaternion qw, qx, qy, qz or
-    yaw [rad], confidence, sigma [m]. JSON: what `ObservedTracks.to_dict` gives, or a CLEVRER annotation. npz:
-    arrays names, positions (T, n, 3) and optionally frames, orientations, confidence, position_sigma.
-    seconds_per_frame is needed where the file has frames but no times (CLEVRER: 0.028). position_sigma [m] is
-    used where the file gives none (default 0.01). Units are never guessed: convert to metres and seconds
-    before. Raises ImportDataError.
+    A table as `parse_reading` reads it, of one run, with measured times or frames and the form's seconds_per_frame;
+    JSON: what `ObservedTracks.to_dict` gives, or a CLEVRER annotation. Axes along which nothing was measured are 0.
+    position_sigma [m] is used where the file gives none (default 0.01). Raises ImportDataError.
     """
     file = existing_table(path)
-    suffix = file.suffix.lower()
-    if suffix == ".csv":
-        return _from_csv(file, seconds_per_frame, position_sigma)
-    if suffix == ".npz":
-        return _from_npz(file, seconds_per_frame, position_sigma)
-    if suffix == ".json":
-        data = read_json(file)
-        if isinstance(data, dict) and {"object_property", "motion_trajectory"} <= data.keys():
-            return clevrer_tracks(data, file.name)
-        if isinstance(data, dict) and {"names", "frames", "positions"} <= data.keys():
-            return _from_dict(data, file, seconds_per_frame)
-        raise ImportDataError(
-            f"{file.name}: neither tracks (names, frames, positions, ...) nor a CLEVRER annotation "
-            f"(object_property, motion_trajectory)"
-        )
-    raise ImportDataError(f"{file.name}: unknown kind {suffix or 'without suffix'}; tracks come as {_FORMATS}")
+    if file.suffix.lower() != ".json":
+        return _from_table(file, form, DEFAULT_SIGMA if position_sigma is None else position_sigma)
+    data = read_json(file)
+    if isinstance(data, dict) and {"object_property", "motion_trajectory"} <= data.keys():
+        return ImportedTracks(clevrer_tracks(data, file.name))
+    if isinstance(data, dict) and {"names", "frames", "positions"} <= data.keys():
+        return ImportedTracks(_from_dict(data, file, form.seconds_per_frame))
+    raise ImportDataError(
+        f"{file.name}: neither tracks (names, frames, positions, ...) nor a CLEVRER annotation "
+        f"(object_property, motion_trajectory)"
+    )
 
 
 def clevrer_tracks(data: dict[str, Any], source: str = "annotation") -> ObservedTracks:
@@ -125,89 +129,61 @@ def continuous(quaternions: Floats) -> Floats:
 # --- formats -----------------------------------------------------------------------------------------
 
 
-def _from_csv(file: Path, seconds_per_frame: float | None, position_sigma: float | None) -> ObservedTracks:
-    table = read_measured_table(file, ("object", "x", "y"))
-    columns = list(table.columns)
-    quaternion = [c for c in ("qw", "qx", "qy", "qz") if c in columns]
-    if quaternion and len(quaternion) < 4:
-        raise ImportDataError(f"{file.name}: a quaternion needs qw, qx, qy, qz; it has only {quaternion}")
-    if quaternion and "yaw" in columns:
-        raise ImportDataError(f"{file.name}: give a quaternion or yaw, not both")
-    by_object: dict[str, list[dict[str, float]]] = defaultdict(list)
-    for row in table.rows:
-        name = table.text(row, "object")
-        if not name:
-            raise ImportDataError(f"{file.name}: line {row.number}: the object has no name")
-        by_object[name].append({c: table.number(row, c) for c in columns if c in _NUMBERS})
-    table.check()
-    key = table.clock
-    for name, records in by_object.items():
-        moments = [r[key] for r in records]
-        if not np.all(np.isfinite(moments)):
-            raise ImportDataError(f"{file.name}: object {name!r}: a row without {key}")
-        if np.any(np.diff(moments) <= 0):
-            at = int(np.argmax(np.diff(moments) <= 0))
-            raise ImportDataError(
-                f"{file.name}: object {name!r}: {key} does not increase after {moments[at]:g} "
-                f"(next is {moments[at + 1]:g})"
-            )
-    moments_all = np.unique([r[key] for records in by_object.values() for r in records])
-    frames, step = time_base(file, columns, by_object, moments_all, seconds_per_frame)
-    names = tuple(by_object)
-    shape = (len(moments_all), len(names))
-    positions, orientations = np.full((*shape, 3), np.nan), np.full((*shape, 4), np.nan)
-    confidence, sigma = np.zeros(shape), np.full(shape, DEFAULT_SIGMA if position_sigma is None else position_sigma)
-    for k, name in enumerate(names):
-        for record in by_object[name]:
-            t = int(np.searchsorted(moments_all, record[key]))
-            place = np.array([record["x"], record["y"], record.get("z", 0.0)])
-            if not np.all(np.isfinite(place)):
-                continue  # an empty cell: not seen
-            positions[t, k] = place
-            confidence[t, k] = confidence_in(record.get("confidence", 1.0), file, name)
-            if np.isfinite(record.get("sigma", np.nan)):
-                sigma[t, k] = record["sigma"]
-            if quaternion:
-                orientations[t, k] = [record[c] for c in ("qw", "qx", "qy", "qz")]
-            elif np.isfinite(record.get("yaw", np.nan)):
-                orientations[t, k] = np.cos(record["yaw"] / 2), 0.0, 0.0, np.sin(record["yaw"] / 2)
-    return _build(file, names, frames, step, positions, sigma, orientations, confidence)
+def _from_table(file: Path, form: RecordingForm, position_sigma: float) -> ImportedTracks:
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            reading = parse_reading(file_text(file), form=form, default="object")
+    except ValueError as error:
+        raise ImportDataError(in_file(file, error)) from error
+    remarks = list(dict.fromkeys(str(w.message) for w in caught))
+    if len(reading.recording.runs) > 1:
+        names = ", ".join(r.name for r in reading.recording.runs)
+        raise ImportDataError(f"{file.name}: tracks are of one run, the table has {names}: it is a kind='recording'")
+    run, numbers, sigma = reading.recording.runs[0], reading.frames[0], reading.sigma[0]
+    known: NDArray[np.bool_] = np.isfinite(run.positions)
+    measured: NDArray[np.bool_] = np.any(known, axis=(0, 1))
+    if not measured.any():
+        raise ImportDataError(f"{file.name}: tracks need places x, y, z; it holds none: it is a kind='recording'")
+    unmeasured = "".join(axis for axis, any_ in zip("xyz", measured, strict=True) if not any_)
+    if unmeasured:
+        remarks.append(f"not measured and taken as 0: {', '.join(unmeasured)}")
+    seen = np.all(known | ~measured, axis=2)
+    times = run.times
+    if times[0] < 0.0:
+        remarks.append(f"times are counted from the first one, {times[0]:.15g} s")
+        times = times - times[0]
+    frames, step, clock = _frames(times, numbers, form.seconds_per_frame)
+    turned: NDArray[np.bool_] = np.all(np.isfinite(run.orientations), axis=2)
+    confidence = reading.confidence[0]
+    confidence = np.where(seen, np.where(np.isfinite(confidence), confidence, 1.0), 0.0)
+    tracks = ObservedTracks(
+        names=run.names,
+        frames=frames,
+        seconds_per_frame=step,
+        positions=np.where(seen[..., None], np.nan_to_num(run.positions), np.nan),
+        position_sigma=np.where(confidence > 0, np.where(np.isfinite(sigma), sigma, position_sigma), np.nan),
+        orientations=np.stack([continuous(q) for q in run.orientations.swapaxes(0, 1)], axis=1),
+        confidence=confidence,
+        orientation_confidence=np.where(turned, confidence, 0.0),
+        symmetry=tuple(1 if turned[:, k].any() else 0 for k in range(len(run.names))),
+        clock=clock,
+    )
+    return ImportedTracks(tracks, tuple(remarks), unmeasured)
 
 
-def time_base(
-    file: Path,
-    columns: list[str],
-    by_object: dict[str, list[dict[str, float]]],
-    moments: Floats,
-    seconds_per_frame: float | None,
-) -> tuple[NDArray[np.int64], float]:
-    """Frame numbers of the moments, and seconds per frame."""
-    if "frame" in columns:
-        if not np.allclose(moments, np.round(moments)):
-            raise ImportDataError(f"{file.name}: frame must be whole numbers, got {moments[0]:g}, {moments[1]:g}, ...")
-        frames = np.round(moments).astype(np.int64)
-        step = seconds_per_frame
-        if step is None and "t" in columns:
-            pairs = np.array([(r["frame"], r["t"]) for records in by_object.values() for r in records])
-            if np.ptp(pairs[:, 0]) > 0:
-                step = float(np.polyfit(pairs[:, 0], pairs[:, 1], 1)[0])
-        if step is None:
-            raise ImportDataError(f"{file.name}: frames but no times: give seconds_per_frame (or a column t)")
-        return frames, step
-    if len(moments) == 1:
-        return np.zeros(1, dtype=np.int64), seconds_per_frame or 1.0
-    gaps = np.diff(moments)
-    step = seconds_per_frame or float(np.median(gaps))
-    number = (moments - 0.0) / step
-    if np.abs(number - np.round(number)).max() > 0.25 or np.any(np.diff(np.round(number)) < 1):
-        # Uneven sampling: count in steps fine enough to separate every two moments.
-        step = float(gaps.min()) / 4
-        number = moments / step
-        if np.abs(number).max() > 1e9:
-            raise ImportDataError(
-                f"{file.name}: times {gaps.min():g} s apart cannot share a time base with {gaps.max():g} s"
-            )
-    return np.round(number).astype(np.int64), step
+def _frames(
+    times: Floats, numbers: Floats, seconds_per_frame: float | None
+) -> tuple[NDArray[np.int64], float, Floats | None]:
+    """Return frame numbers, seconds per frame, and the clock of times that are not at their frames."""
+    labelled = bool(np.isfinite(numbers).all() and np.all(np.diff(numbers) > 0) and numbers[0] >= 0)
+    if seconds_per_frame is not None:
+        return numbers.astype(np.int64), seconds_per_frame, None
+    frames, step, clock = frame_grid(times)
+    if labelled and len(times) > 1:
+        frames, step = numbers.astype(np.int64), float(np.ptp(times) / np.ptp(numbers))
+        clock = times / step
+    return frames, step, None if np.array_equal(frames, clock) else clock
 
 
 def _from_dict(data: dict[str, Any], file: Path, seconds_per_frame: float | None) -> ObservedTracks:
@@ -232,85 +208,3 @@ def _from_dict(data: dict[str, Any], file: Path, seconds_per_frame: float | None
         return ObservedTracks.from_dict(record)
     except (ValueError, TypeError) as error:
         raise ImportDataError(f"{file.name}: {error}") from error
-
-
-def _from_npz(file: Path, seconds_per_frame: float | None, position_sigma: float | None) -> ObservedTracks:
-    arrays = read_arrays(file)
-    if "positions" not in arrays:
-        raise ImportDataError(f"{file.name}: no array positions (T, n, 3); it holds {sorted(arrays)}")
-    positions = np.asarray(arrays["positions"], dtype=float)
-    if positions.ndim == 2 and positions.shape[1] in (2, 3):
-        positions = positions[:, None, :]
-    if positions.ndim != 3 or positions.shape[2] not in (2, 3):
-        raise ImportDataError(f"{file.name}: positions must have shape (T, n, 3) or (T, n, 2), got {positions.shape}")
-    if positions.shape[2] == 2:
-        positions = np.concatenate([positions, np.zeros_like(positions[..., :1])], axis=2)
-    count, n = positions.shape[:2]
-    names = tuple(str(s) for s in arrays["names"]) if "names" in arrays else tuple(f"object_{k + 1}" for k in range(n))
-    if len(names) != n:
-        raise ImportDataError(f"{file.name}: {len(names)} names for {n} objects")
-    step = seconds_per_frame
-    if step is None and "seconds_per_frame" in arrays:
-        step = float(arrays["seconds_per_frame"])
-    if step is None:
-        raise ImportDataError(f"{file.name}: no seconds_per_frame in it: give one")
-    frames = np.asarray(arrays.get("frames", np.arange(count))).astype(np.int64)
-    known = np.isfinite(positions).all(axis=2)
-
-    def series(key: str, shape: tuple[int, ...], default: Floats) -> Floats:
-        values = np.asarray(arrays.get(key, default), dtype=float)
-        if values.shape != shape:
-            raise ImportDataError(f"{file.name}: {key} must have shape {shape}, got {values.shape}")
-        return values
-
-    sigma = DEFAULT_SIGMA if position_sigma is None else position_sigma
-    return _build(
-        file,
-        names,
-        frames,
-        step,
-        positions,
-        series("position_sigma", (count, n), np.full((count, n), sigma)),
-        series("orientations", (count, n, 4), np.full((count, n, 4), np.nan)),
-        np.where(known, series("confidence", (count, n), np.ones((count, n))), 0.0),
-    )
-
-
-def _build(
-    file: Path,
-    names: tuple[str, ...],
-    frames: NDArray[np.int64],
-    seconds_per_frame: float,
-    positions: Floats,
-    sigma: Floats,
-    orientations: Floats,
-    confidence: Floats,
-) -> ObservedTracks:
-    length = np.linalg.norm(orientations, axis=2)
-    turned = np.isfinite(length)
-    if np.any(np.abs(length[turned] - 1) > 0.05):
-        raise ImportDataError(f"{file.name}: quaternions must have length 1, found {length[turned].min():.3g}")
-    orientations = orientations / np.where(turned, length, 1.0)[..., None]
-    try:
-        return ObservedTracks(
-            names=names,
-            frames=frames,
-            seconds_per_frame=seconds_per_frame,
-            positions=positions,
-            position_sigma=np.where(confidence > 0, sigma, np.nan),
-            orientations=orientations,
-            confidence=confidence,
-            orientation_confidence=np.where(turned, confidence, 0.0),
-            symmetry=tuple(1 if turned[:, k].any() else 0 for k in range(len(names))),
-        )
-    except ValueError as error:
-        raise ImportDataError(f"{file.name}: {error}") from error
-
-
-def confidence_in(value: float, file: Path, name: str) -> float:
-    """Return a confidence in 0..1, 1 where a cell is empty; raises ImportDataError."""
-    if not np.isfinite(value):
-        return 1.0
-    if not 0 <= value <= 1:
-        raise ImportDataError(f"{file.name}: object {name!r}: confidence must lie in 0..1, got {value:g}")
-    return value

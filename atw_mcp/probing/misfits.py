@@ -45,7 +45,7 @@ def misfits(world: World, run: Trajectory, tracks: ObservedTracks) -> list[Misfi
     if not len(run.times) or not set(tracks.names) & set(run.names):
         return []
     end = float(run.times[-1]) + LATE
-    tracks = tracks.window(0, int(end / tracks.seconds_per_frame + LATE))
+    tracks = tracks.rows(tracks.times <= end)
     if not len(tracks.frames):
         return []
     readout, batch, count = tracks_readout(world, tracks), _at_frames(run, tracks), len(tracks.frames)

@@ -28,6 +28,7 @@ from atw_mcp.observation.observing import (
     video_file,
 )
 from atw_mcp.observation.periods import period_in_words
+from atw_mcp.observation.track_records import at_rate
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import PerceptionCancelled, read_frames
 from atw_mcp.probing import readouts
@@ -228,10 +229,12 @@ def inspect_observed_motion(
     image = seen[1] if seen is not None and name in seen[1].names else None
     tracks = record.tracks if record is not None and name in record.tracks.names else None
     covered = sorted({*(image.frames if image else ()), *(tracks.frames.tolist() if tracks else ())})
+    clocked = None if tracks is None else at_rate(tracks, frame_time)
+    times = [f * frame_time if clocked is None else clocked.time_of(f) for f in covered]
     span = chosen_span(
         interval,
         frames,
-        covered=(covered[0] * frame_time, covered[-1] * frame_time),
+        covered=(times[0], times[-1]),
         seconds_per_frame=frame_time,
         further="Nothing was observed beyond it",
     )
@@ -240,9 +243,9 @@ def inspect_observed_motion(
     columns += ["x", "y", "z", "position_sigma", "position_confidence"] if tracks else []
     missing = {} if record is None else record.source.get("unplaced", {}).get(name, [])
     rows = [
-        [frame, frame * frame_time, *_measured(image, name, frame), *_placed(tracks, name, frame)]
-        for frame in covered
-        if span.holds(frame * frame_time)
+        [frame, time, *_measured(image, name, frame), *_placed(tracks, name, frame)]
+        for frame, time in zip(covered, times, strict=True)
+        if span.holds(time)
     ]
     data: dict[str, Any] = {"object": name, "columns": columns, "rows": rows, "covers": span.shown(), "of": len(rows)}
     if missing:

@@ -35,8 +35,10 @@ from atw_mcp.results.observation import ObservedObjects
 from atw_mcp.tools.observation import observed_answer
 from atw_mcp.tools.world_arguments import Argument, CaseId, Pixel, Point
 from evidence_store import Case
+from polyworld.data.recording_header import RecordingForm
 
 GROUP = ToolGroup("world construction")
+ROUNDED = 1e-4  # [s] by which times in a table differ from those of frames because of their few digits
 Matrix = Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(min_length=3, max_length=3)]
 # A record with the matrix in it: refused with what to take from it; not offered to the agent.
 Unread = SkipJsonSchema[dict[str, Any]]
@@ -55,18 +57,21 @@ def import_observation(
     kind: Annotated[
         Literal["tracks", "recording", "points", "series", "masks", "camera", "depth", "mesh"],
         Field(
-            description="what it holds. tracks: positions in the world (CSV with columns frame or t, object, x, y and "
-            "optionally z, qw..qz or yaw, confidence, sigma; JSON; npz; CLEVRER annotation). recording: measured "
-            "motion in one or several runs, which the gap tools use (CSV with columns run, object, t or frame, x, y, z "
-            "and optionally qw..qz, spins wx..wz, or theta of a body on a hinge; headers may state units, as in x "
-            "[mm]; cells not measured are empty). points: of deformable objects (CSV with "
-            "frame or t, object, point, x, y and optionally z, confidence, sigma). series: numbers over time (CSV with "
-            "frame or t, object, quantity, value, sigma; quantity: amount with a column container, height, front_x..z, "
-            "tension). masks: of the video (folder of PNGs, "
+            description="what it holds. tracks: positions in the world (table with columns t or frame, object, x, y, z "
+            "and optionally qw..qz or yaw, confidence, sigma; JSON; CLEVRER annotation). recording: motion in one or "
+            "several runs, for the gap tools (the same table with columns run, spins wx..wz, theta of a body on "
+            "a hinge). points: of deformable objects (also point). series: numbers over time (t or frame, object, "
+            "quantity, value, sigma; quantity: amount with a column container, height, front_x..z, tension). Tables: "
+            "CSV, also of Tracker, TrackMate, DeepLabCut, Logger Pro, Capstone; xlsx; cells not measured are empty. "
+            "masks: of the video (folder of PNGs, "
             "COCO run-length JSON). camera: JSON. depth: npz or 16-bit PNGs. mesh: OBJ, STL, PLY, GLB"
         ),
     ],
     path: Annotated[str, Field(min_length=1, max_length=4096, description="file or folder on the server's machine")],
+    columns: Annotated[
+        dict[str, str] | None,
+        Field(max_length=100, description="what headers of a table mean, as {'Y': 'z [mm]', 'u': 'x [2e-3 m]'}"),
+    ] = None,
     seconds_per_frame: Annotated[float | None, Field(gt=0, le=1e4, description="of files without times [s]")] = None,
     position_sigma: Annotated[
         float | None, Field(gt=0, le=1e3, description="of tracks that state none [m]; default 0.01")
@@ -98,16 +103,19 @@ def import_observation(
     with explained(), app.files.opened(path, "file_bytes" if kind == "depth" else "text_bytes") as place:
         if sealed_runs is not None and kind != "recording":
             raise ValueError(f"sealed_runs are runs of a recording; kind is {kind!r}")
+        if columns and kind not in ("tracks", "recording", "points", "series"):
+            raise ValueError(f"columns are of tables; kind is {kind!r}")
+        form = RecordingForm(columns=columns or {}, seconds_per_frame=seconds_per_frame)
         if kind == "recording":
-            return _recording_answer(found, keep_recording(app, found, place, sealed_runs, seconds_per_frame))
+            return _recording_answer(found, keep_recording(app, found, place, sealed_runs, form))
         if kind == "tracks":
-            record = importing.keep_tracks(app, found, place, seconds_per_frame, position_sigma)
-            return _tracks_answer(found, record)
+            record, remarks = importing.keep_tracks(app, found, place, form, position_sigma)
+            return _tracks_answer(found, record, remarks)
         if kind == "points":
-            record, read = importing.keep_points(app, found, place, points_are, seconds_per_frame, position_sigma)
+            record, read = importing.keep_points(app, found, place, points_are, form, position_sigma)
             return _tracks_answer(found, record, read.left_out)
         if kind == "series":
-            record, read = importing.keep_series(app, found, place, seconds_per_frame, value_sigma)
+            record, read = importing.keep_series(app, found, place, form, value_sigma)
             return _tracks_answer(found, record, read.left_out)
         if kind == "masks":
             identifier, seen = importing.keep_masks(app, found, place)
@@ -192,9 +200,11 @@ def _tracks_answer(case: Case, record: TrackRecord, left_out: tuple[str, ...] = 
     span = (float(tracks.times[0]), float(tracks.times[-1])) if count else None
     shapes = series_rows(tracks.shapes, tracks.frames)
     more = f", {len(shapes)} shapes of {', '.join(sorted({s['object'] for s in shapes}))}" if shapes else ""
+    off = 0.0 if tracks.clock is None else float(np.abs(tracks.clock - tracks.frames).max()) * tracks.seconds_per_frame
+    own = f", measured at times of their own up to {off:.2g} s from those, which fits keep" if off > ROUNDED else ""
     return Answer(
         summary=f"tracks {record.id}: {len(rows)} objects{more} over {count} frames of "
-        f"{tracks.seconds_per_frame:.6g} s" + (f"; left out: {'; '.join(left_out)}" if left_out else ""),
+        f"{tracks.seconds_per_frame:.6g} s{own}" + (f"; left out: {'; '.join(left_out)}" if left_out else ""),
         data={
             "tracks": record.id,
             "objects": rows,

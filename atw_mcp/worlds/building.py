@@ -240,7 +240,7 @@ def _observed_start(
                 continue
             whole = np.flatnonzero(np.all(series.confidence > 0.0, axis=1))
             if len(whole):
-                start = float(tracks.frames[whole[0]]) * time.seconds_per_frame
+                start = float(tracks.moments[whole[0]]) * time.seconds_per_frame
                 return {"points": series.values[whole[0]].tolist(), "start_time": start}
     if kind == "soft" and "position" not in fields and name in tracks.names:
         state = initial_states(tracks.select([name]), seconds_per_frame=time.seconds_per_frame).get(name)

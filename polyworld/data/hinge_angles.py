@@ -51,7 +51,12 @@ class HingedBody:
     @property
     def off_axis(self) -> bool:
         """Whether the body's centre moves as it turns."""
-        return float(np.linalg.norm(np.cross(self.axis, self.arm))) > ON_AXIS
+        return self.distance > ON_AXIS
+
+    @property
+    def distance(self) -> float:
+        """Distance of the body's centre from the axis [m]."""
+        return float(np.linalg.norm(np.cross(self.axis, self.arm)))
 
     @property
     def hanging(self) -> float:

@@ -34,15 +34,15 @@ MISFIT = 4.0  # standard deviations by which a mean squared residual exceeds the
 class InitialState:
     """State at an object's first observation, and how accurately the track determines it.
 
-    frame: number of the first observation. position (3,) [m], velocity (3,) [m/s], orientation (4,) w, x, y, z
-    or None where none was observed, angular_velocity (3,) [rad/s].
+    frame: when it was first observed, in units of seconds_per_frame. position (3,) [m], velocity (3,) [m/s],
+    orientation (4,) w, x, y, z or None where none was observed, angular_velocity (3,) [rad/s].
     The *_sd are standard deviations, the largest over the axes. moves: whether the object moves (or turns) in
     the free stretch, which ends at frame `free_until`; noise [m] is the track's own scatter about smooth
     motion. samples counts the observations of the stretch.
     """
 
     name: str
-    frame: int
+    frame: float
     position: Array
     position_sd: float
     velocity: Array
@@ -52,7 +52,7 @@ class InitialState:
     angular_velocity: Array
     angular_velocity_sd: float
     moves: bool
-    free_until: int
+    free_until: float
     noise: float
     samples: int
 
@@ -112,7 +112,7 @@ def with_initial_states(world: World, tracks: ObservedTracks) -> World:
 
 def _initial_state(tracks: ObservedTracks, column: int, step: float, gravity: Array) -> InitialState:
     rows = np.flatnonzero(tracks.confidence[:, column] > 0.0)
-    times = (tracks.frames[rows] - tracks.frames[rows[0]]) * step
+    times = (tracks.moments[rows] - tracks.moments[rows[0]]) * step
     points = tracks.positions[rows, column]
     stated = float(np.median(tracks.position_sigma[rows, column]))
     scatter, varied = _scatter(times, points, stated)
@@ -145,7 +145,7 @@ def _initial_state(tracks: ObservedTracks, column: int, step: float, gravity: Ar
     turning = bool(np.linalg.norm(spin) > max(SLOWEST_TURN, 4.0 * spin_sd))
     return InitialState(
         name=tracks.names[column],
-        frame=int(tracks.frames[rows[0]]),
+        frame=float(tracks.moments[rows[0]]),
         position=path[0],
         position_sd=float(np.hypot(position_sd, drift)),
         velocity=velocity,
@@ -155,7 +155,7 @@ def _initial_state(tracks: ObservedTracks, column: int, step: float, gravity: Ar
         angular_velocity=spin if turning else np.zeros(3),
         angular_velocity_sd=spin_sd,
         moves=not resting or turning,
-        free_until=int(tracks.frames[rows[count - 1]]),
+        free_until=float(tracks.moments[rows[count - 1]]),
         noise=scatter,
         samples=count,
     )
@@ -253,7 +253,7 @@ def _initial_rotation(
     q = tracks.orientations[rows, column]
     increments = rotation_between(q[1:], q[:-1], tracks.symmetry[column])
     angles = np.concatenate([np.zeros((1, 3)), np.cumsum(increments, axis=0)])
-    times = (tracks.frames[rows] - tracks.frames[first]) * step
+    times = (tracks.moments[rows] - tracks.moments[first]) * step
     noise, varied = _scatter(times, angles, float(np.std(np.diff(angles, axis=0))))
     weight = np.sqrt(tracks.orientation_confidence[rows, column])
     count = free_stretch(times, angles, weight, noise, varied)

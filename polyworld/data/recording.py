@@ -32,7 +32,8 @@ class Run:
     `ObservedTracks`. lead [s]: how long before the first row the run begins, for runs whose initial state is given and
     not fitted.
     angular_velocities (T, n, 3) [rad/s]: measured spins in world axes, NaN for each component that was not measured;
-    default: none measured.
+    default: none measured. arms (n,) [m]: for objects whose positions stand for measured angles, the distance from the
+    hinge's axis; NaN for others.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Run:
     symmetry: tuple[int, ...] = ()
     lead: float = 0.0
     angular_velocities: Array = field(default_factory=_none_measured)
+    arms: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         t, n = len(self.times), len(self.names)
@@ -64,6 +66,8 @@ class Run:
             raise ValueError(f"run {self.name!r}: object names repeat: {list(self.names)}")
         if not self.symmetry:
             object.__setattr__(self, "symmetry", (1,) * n)
+        if not self.arms:
+            object.__setattr__(self, "arms", (np.nan,) * n)
 
     def rows(self, keep: NDArray[np.bool_]) -> Self:
         """Return the run restricted to some of its instants, keep (T,)."""
@@ -85,6 +89,7 @@ class Run:
             orientations=self.orientations[:, chosen],
             symmetry=tuple(self.symmetry[i] for i in chosen),
             angular_velocities=self.angular_velocities[:, chosen],
+            arms=tuple(self.arms[i] for i in chosen),
         )
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from polyworld.world.units import Dimension, Unit, find_unit, unit_names
@@ -13,16 +13,19 @@ TURN = ("qw", "qx", "qy", "qz")
 SPIN = ("wx", "wy", "wz")
 THETA = "theta"
 PIXELS = ("u", "v")
-MEASURED = (*PLACE, *TURN, *SPIN, THETA, *PIXELS)  # the numbers of a row, in this order
+YAW, FRAME, CONFIDENCE, SIGMA = "yaw", "frame", "confidence", "sigma"
+MOTION = (*PLACE, *TURN, *SPIN, THETA, YAW, *PIXELS)
+MEASURED = (*MOTION, CONFIDENCE, SIGMA, FRAME)  # the numbers of a row, in this order
 LABELS = ("run", "object")
-CLOCKS = ("t", "frame")
-QUANTITIES = (*LABELS, *CLOCKS, *MEASURED)
+QUANTITIES = (*LABELS, "t", *MEASURED)
 
 DIMENSIONS: Mapping[str, Dimension] = {
     "t": "time",
     **dict.fromkeys(PLACE, "length"),
     **dict.fromkeys(SPIN, "angular velocity"),
     THETA: "angle",
+    YAW: "angle",
+    SIGMA: "length",
     **dict.fromkeys(PIXELS, "pixels"),
 }
 _HAVING_UNITS = tuple(dict.fromkeys(DIMENSIONS.values()))
@@ -33,6 +36,8 @@ _ALIASES: tuple[tuple[str, str], ...] = (
     ("run", "runs trial take throw toss drop launch shot repetition run_id trial_id run_no trial_no"),
     ("object", "objects name id body label object_id object_name obj"),
     ("z", "height altitude elevation"),
+    (CONFIDENCE, "likelihood"),
+    (SIGMA, "position_sigma"),
     (THETA, "angle phi θ φ"),
     *((a, f"{a}_pos pos_{a} pos{a} {a}_position position_{a} {a}_coordinate {a}_coord") for a in PLACE),
     *((a, f"center_{a} centre_{a} {a}_center {a}_centre") for a in PLACE),
@@ -41,6 +46,11 @@ _ALIASES: tuple[tuple[str, str], ...] = (
 )
 _QUANTITY_OF = {name: name for name in QUANTITIES}
 _QUANTITY_OF |= {alias: quantity for quantity, names in _ALIASES for alias in names.split()}
+
+
+def quantity_of(header: str) -> str | None:
+    """Return the quantity that a header names, with or without a unit; None for another."""
+    return _QUANTITY_OF.get(_plain(_bracketed(header)[0]))
 
 
 @dataclass(frozen=True)
@@ -81,7 +91,7 @@ class Units:
 @dataclass(frozen=True)
 class Column:
     """A column that is used. index: its place in a row; header: as written; factor: of its unit, to SI; has_unit:
-    whether the header states one."""
+    whether one is stated."""
 
     index: int
     header: str
@@ -89,20 +99,45 @@ class Column:
     has_unit: bool = False
 
 
-def name_columns(line: int, header: Sequence[str], units: Units) -> tuple[dict[str, Column], list[str]]:
+def renamed(line: int, header: Sequence[str], meanings: Mapping[str, str]) -> list[str]:
+    """Return a header with other names, by those in the file or by place (1, 2, ...).
+
+    Units of the file's are kept where none is given. Raises ValueError for a column that is not there.
+    """
+    places = {str(i): name for i, name in enumerate(header, start=1)}
+    given = {name if name in header else places.get(name, name): meant for name, meant in meanings.items()}
+
+    def meaning(name: str) -> str:
+        own, unit = given.get(name, name), _bracketed(name)[1]
+        return f"{own} [{unit}]" if unit and name in given and _bracketed(own)[1] is None else own
+
+    absent = [name for name in given if name not in header]
+    if absent:
+        known = ", ".join(name for name in header if quantity_of(name)) or "none is known"  # others may be secret
+        raise ValueError(
+            f"line {line}: no column is called {', '.join(map(repr, absent))}; columns: {known}; others by their "
+            f"places, 1 to {len(header)}"
+        )
+    return [meaning(name) for name in header]
+
+
+def name_columns(
+    line: int, header: Sequence[str], units: Units, quantities: Collection[str] = QUANTITIES
+) -> tuple[dict[str, Column], list[str]]:
     """Return the columns of a header by quantity, and the headers of columns that are not used.
 
-    A header is the name of a quantity or an alias, in any case, and may state a unit: `x [mm]`, `x (mm)`, `x/mm`,
-    `x_mm`. Where several columns name one quantity, the one with its own name is used. line: of the header, for errors.
-    Raises ValueError for units that do not fit and for columns that repeat.
+    A header is the name of one of `quantities` or an alias, in any case, and may state a unit: `x [mm]`, `x (mm)`,
+    `x/mm`, `x_mm`, or a length for one of its own, as in `x [0.002 m]`. Where several columns name one quantity, the
+    one with its own name is used. line: of the header, for errors. Raises ValueError for units that do not fit and
+    for columns that repeat.
     """
     found: dict[str, Column] = {}
     exact: set[str] = set()
     ignored = []
     for index, written in enumerate(header):
-        name, unit = _named(line, written)
-        quantity = _QUANTITY_OF.get(name)
-        if quantity is None:
+        name, unit = _named(line, written, quantities)
+        quantity = name if name in quantities else _QUANTITY_OF.get(name)
+        if quantity is None or quantity not in quantities:
             ignored.append(written or f"column {index + 1} without a name")
             continue
         own = name == quantity
@@ -115,7 +150,8 @@ def name_columns(line: int, header: Sequence[str], units: Units) -> tuple[dict[s
             continue
         if quantity in found:
             ignored.append(found[quantity].header)
-        found[quantity] = Column(index, written, _factor(line, written, quantity, unit, units), unit is not None)
+        unit = _unit(line, written, quantity, unit, units)
+        found[quantity] = Column(index, written, 1.0 if unit is None else unit.factor, unit is not None)
         if own:
             exact.add(quantity)
     absent = [q for q in units.by_column if q not in found]
@@ -126,11 +162,11 @@ def name_columns(line: int, header: Sequence[str], units: Units) -> tuple[dict[s
     return found, ignored
 
 
-def _named(line: int, written: str) -> tuple[str, Unit | None]:
+def _named(line: int, written: str, quantities: Collection[str]) -> tuple[str, Unit | None]:
     """Return the name of a column in plain form, "" for one of no quantity, and the unit that its header states."""
     name, stated = _bracketed(written)
     plain = _plain(name)
-    quantity = _QUANTITY_OF.get(plain)
+    quantity = plain if plain in quantities else _QUANTITY_OF.get(plain)
     if quantity is None and stated is None:
         return _suffixed(plain)
     if quantity not in DIMENSIONS or stated in (None, "", "-", "1"):
@@ -178,21 +214,21 @@ def _suffixed(plain: str) -> tuple[str, Unit | None]:
 
 
 def _pixel(axis: str) -> str:
-    return "u" if axis == "x" else "v"
+    return {"x": "u", "y": "v"}.get(axis, "")
 
 
 def _plain(name: str) -> str:
     return re.sub(r"[^\w°]+", "_", name.strip().lower()).strip("_")
 
 
-def _factor(line: int, written: str, quantity: str, unit: Unit | None, units: Units) -> float:
+def _unit(line: int, written: str, quantity: str, unit: Unit | None, units: Units) -> Unit | None:
+    """Return the unit of a column, stated in its header or beside the file."""
     if quantity not in DIMENSIONS:
-        return 1.0
+        return None
     given = units.by_column.get(quantity)
     if unit is not None and given is not None and unit.factor != given.factor:
         raise ValueError(f"line {line}: column {written!r} is in {unit.name}, but {given.name} is given for {quantity}")
-    unit = unit or given or units.by_dimension.get(DIMENSIONS[quantity])
-    return 1.0 if unit is None else unit.factor
+    return unit or given or units.by_dimension.get(DIMENSIONS[quantity])
 
 
 def _mismatch(where: str, quantity: str, unit: Unit) -> str:

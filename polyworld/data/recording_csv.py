@@ -6,6 +6,7 @@ import csv
 import io
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,29 +14,52 @@ from numpy.typing import NDArray
 
 from polyworld.data.hinge_angles import HingedBody
 from polyworld.data.recording import Recording, Run
-from polyworld.data.recording_columns import LABELS, MEASURED, PIXELS, PLACE, QUANTITIES, SPIN, THETA, TURN, Column
-from polyworld.data.recording_header import Header, RecordingForm, read_header, without_units_row
+from polyworld.data.recording_columns import (
+    CONFIDENCE,
+    FRAME,
+    LABELS,
+    MEASURED,
+    PIXELS,
+    PLACE,
+    SIGMA,
+    SPIN,
+    THETA,
+    TURN,
+    YAW,
+    Column,
+)
+from polyworld.data.recording_header import Header, RecordingForm, check_units, read_header, without_units_row
 from polyworld.data.recording_rows import Row, merge_rows
-from polyworld.data.table import MISSING, Line, Numbers, Problems, file_text, in_file, read_table
+from polyworld.data.table import MISSING, Numbers, Problems, read_table
+from polyworld.data.table_files import file_text, in_file
+from polyworld.data.table_forms import Line
 from polyworld.world import World
+from polyworld.world.geometry import rotation_quaternion
 
 Array = NDArray[np.float64]
 
-ONE_RUN = "run"  # name of the only run of a file without such a column
+ONE_RUN = "1"  # name of the only run of a file without such a column
 LATEST = 1e5  # [s]; clocks beyond it count from a date and not from the experiment's start
-FARTHEST = 500.0  # extent of positions [m] beyond which they are hardly metres
-SLOWEST = 5.0  # time between rows [s] beyond which times are hardly seconds
-MOST_TURNS = 4  # turns beyond which an angle is hardly in radians
 _AT = {name: i for i, name in enumerate(MEASURED)}
 
 
 _PLAIN = RecordingForm()
 
 
+@dataclass(frozen=True)
+class Reading:
+    """All that a table holds. frames (T,), confidence (T, n) and sigma (T, n) [m] of each run, NaN where not stated."""
+
+    recording: Recording
+    frames: tuple[Array, ...]
+    confidence: tuple[Array, ...]
+    sigma: tuple[Array, ...]
+
+
 def read_recording(
     path: Path, objects: Sequence[str] = (), *, form: RecordingForm = _PLAIN, world: World | None = None
 ) -> Recording:
-    """Return the recording in a CSV file; see `parse_recording`. Raises ValueError that names file and line."""
+    """Return the recording in a file; see `parse_recording`. Raises ValueError that names file and line."""
     try:
         return parse_recording(file_text(path), objects, form=form, world=world)
     except ValueError as error:
@@ -45,22 +69,41 @@ def read_recording(
 def parse_recording(
     text: str, objects: Sequence[str] = (), *, form: RecordingForm = _PLAIN, world: World | None = None
 ) -> Recording:
-    """Return the recording that CSV text holds.
+    """Return the recording that the text of a table holds.
 
-    Columns, in any order: run, object, t [s] or frame, any of x, y, z [m], all of qw, qx, qy, qz or none, any of wx,
-    wy, wz [rad/s], theta [rad] of a body on a hinge of `world`, or pixels u, v; other names and units as `name_columns`
-    reads them, other separators and signs as `read_table` does. A line of units may follow the header. Rows may come in
-    any order. Every run has its own times and so may every object in it. Without a column `run` there is one run,
-    without a column `object` the only one of `objects` (default: the moving ones of `world`); names besides those of
-    `objects`, where given, are errors. Runs and objects keep the
-    order in which they first appear. Quaternions are normalised. What a CSV does not hold (noise, symmetry, lead) is
-    left as `Run` has it. Raises ValueError with a sentence a kind of error, naming lines, column and cure.
+    Columns, in any order: run, object, t [s] or frame, any of x, y, z [m], all of qw, qx, qy, qz, or yaw [rad], or
+    none, any of wx, wy, wz [rad/s], theta [rad] of a body on a hinge of `world`, or pixels u, v, and confidence (0
+    where nothing was measured) and sigma [m]; other names and units as `name_columns` reads them, other layouts,
+    separators and signs as `read_table` does. A line of units may follow the header. Rows may come in any order.
+    Every run has its own times and so may every object in it. Without a column `run` there is one run, without a
+    column `object` the only one of `objects` (default: the moving ones of `world`); names besides those of
+    `objects`, where given, are errors. Runs and objects keep the order in which they first appear. Quaternions are
+    normalised. What a table does not hold (noise, symmetry, lead) is left as `Run` has it. Raises ValueError with a
+    sentence a kind of error, naming lines, column and cure.
+    """
+    return parse_reading(text, objects, form=form, world=world, frames=False).recording
+
+
+def parse_reading(
+    text: str,
+    objects: Sequence[str] = (),
+    *,
+    form: RecordingForm = _PLAIN,
+    world: World | None = None,
+    default: str = "",
+    frames: bool = True,
+) -> Reading:
+    """Return all that a table holds; see `parse_recording`.
+
+    default: name of the object of a table without that column. frames: whether frame numbers beside times are of use.
     """
     table = without_units_row(read_table(text.removeprefix("\ufeff")))
-    header = read_header(table.header, form)
-    default = _default_object(header, objects or (() if world is None else world.moving_names))
-    if header.unused:
-        warnings.warn(f"columns not used: {', '.join(header.unused)}; known are {', '.join(QUANTITIES)}", stacklevel=2)
+    header = read_header(table.header, form, upright=world is not None)
+    default = default or _default_object(header, objects or (() if world is None else world.moving_names))
+    idle = [header.columns[FRAME].header] if FRAME in header.columns and not header.clock.frames and not frames else []
+    if idle or header.unused:
+        named = ", ".join((*idle, *header.unused))
+        warnings.warn(f"columns not used: {named}", stacklevel=2)
     problems = Problems()
     rows = _rows(table.rows, header, default, problems)
     if objects:
@@ -71,9 +114,17 @@ def parse_recording(
         times, values = merge_rows(name, content, header.clock, problems)
         runs.append((name, tuple(content), times - start, values))
     problems.check()
+    check_units(header, [times for _, _, times, _ in runs], [values for *_, values in runs])
+    columns = [[values[..., _AT[c]] for *_, values in runs] for c in (FRAME, CONFIDENCE, SIGMA)]
     recording = Recording(tuple(_run(*each, form, world, header) for each in runs))
-    _hint(recording)
-    return recording
+    if len(table.rows) == 1:
+        raise ValueError(f"line {table.rows[0].number} is the only row: motion needs rows of two instants or more")
+    return Reading(
+        recording,
+        tuple(np.fmax.reduce(v, axis=1) for v in columns[0]),
+        tuple(columns[1]),
+        tuple(columns[2]),
+    )
 
 
 def recording_to_csv(recording: Recording) -> str:
@@ -163,6 +214,10 @@ def _row(line: Line, header: Header, numbers: Numbers, problems: Problems) -> Ro
             values[i] = column.factor * numbers.read(line.number, column.header, line.cells[column.index])
     if not np.isfinite(stamp):
         return None
+    for name in (CONFIDENCE, SIGMA, FRAME):
+        problem = _unfit(name, values[_AT[name]])
+        if problem:
+            problems.add(name, line.number, f"{header.columns[name].header} {problem}, got {values[_AT[name]]:.6g}")
     turn = values[_AT[TURN[0]] : _AT[TURN[-1]] + 1]
     known = [c for c, v in zip(TURN, turn, strict=True) if np.isfinite(v)]
     size = float(np.linalg.norm(turn))
@@ -177,6 +232,15 @@ def _row(line: Line, header: Header, numbers: Numbers, problems: Problems) -> Ro
     elif known and abs(size - 1.0) >= 1e-12:  # a norm that is right but for rounding is written back as it was
         turn /= size
     return Row(line.number, stamp, stamp * clock.factor, values)
+
+
+def _unfit(quantity: str, value: float) -> str:
+    """Return what a confidence, noise or frame number must be and is not; NaN is any of them."""
+    if quantity == CONFIDENCE and not (np.isnan(value) or 0.0 <= value <= 1.0):
+        return "must lie in 0..1"
+    if quantity == SIGMA and value <= 0.0:
+        return "must be above 0"
+    return "must be a whole number" if quantity == FRAME and not (np.isnan(value) or value == round(value)) else ""
 
 
 def _clock_start(rows: dict[str, dict[str, list[Row]]]) -> float:
@@ -197,10 +261,13 @@ def _run(
     world: World | None,
     header: Header,
 ) -> Run:
-    place, turn, spin = (values[..., _AT[c[0]] : _AT[c[-1]] + 1] for c in (PLACE, TURN, SPIN))
-    positions, orientations = place.copy(), turn.copy()
+    seen = (values[..., _AT[CONFIDENCE]] != 0.0)[..., None]
+    place, turn, spin = (np.where(seen, values[..., _AT[c[0]] : _AT[c[-1]] + 1], np.nan) for c in (PLACE, TURN, SPIN))
+    yaw = np.where(seen, values[..., _AT[YAW], None], np.nan) * np.array([0.0, 0.0, 1.0])
+    positions, orientations = place, np.where(np.isfinite(yaw[..., :1]), rotation_quaternion(np.nan_to_num(yaw)), turn)
     if form.pixels is not None:
         positions = form.pixels.positions(values[..., _AT[PIXELS[0]] : _AT[PIXELS[1]] + 1])
+    arms = [np.nan] * len(names)
     for column, item in enumerate(names):
         angles = values[:, column, _AT[THETA]]
         if not np.isfinite(angles).any():
@@ -221,33 +288,10 @@ def _run(
         except ValueError as error:
             raise ValueError(f"{where}: {error}") from error
         positions[:, column], orientations[:, column] = body.measured(angles - zero)
-        if np.nanmax(np.abs(angles)) > MOST_TURNS * 2.0 * np.pi:
-            warnings.warn(
-                f"{THETA} of object {item!r} reaches {np.nanmax(np.abs(angles)):.4g} rad; if it is in degrees, state "
-                "that in the header, as in theta [deg]",
-                stacklevel=3,
-            )
-    return Run(name, names, times, positions, orientations, angular_velocities=spin.copy())
-
-
-def _hint(recording: Recording) -> None:
-    """Warn of positions and times that are hardly metres and seconds."""
-    for name in dict.fromkeys(name for run in recording.runs for name in run.names):
-        places = np.concatenate([r.positions[:, r.names.index(name)] for r in recording.runs if name in r.names])
-        extent = max((float(np.ptp(v[np.isfinite(v)])) for v in places.T if np.isfinite(v).any()), default=0.0)
-        if extent > FARTHEST:
-            warnings.warn(
-                f"positions of object {name!r} extend over {extent:.4g} m; if they are not metres, state their unit in "
-                "the header, as in x [mm]",
-                stacklevel=3,
-            )
-    steps = np.concatenate([np.diff(run.times) for run in recording.runs])
-    if len(steps) and np.median(steps) > SLOWEST:
-        warnings.warn(
-            f"rows are {np.median(steps):.4g} s apart; if times are not seconds, state their unit in the header, as in "
-            "t [ms]",
-            stacklevel=3,
-        )
+        arms[column] = body.distance if body.off_axis else np.nan
+    stated = values[..., _AT[SIGMA]]
+    sigma = float(np.nanmedian(stated)) if np.isfinite(stated).any() else None
+    return Run(name, names, times, positions, orientations, sigma, angular_velocities=spin, arms=tuple(arms))
 
 
 def _text(value: float) -> str:

@@ -4,32 +4,18 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
+
+from polyworld.data.table_forms import Line, Table, has_number, plain_form
 
 MISSING = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "—"})
 SHOWN = 3  # lines of one kind of error that are listed
 _LONGEST = 200  # characters of a cell or header that are printed
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?|[+-]?\d+,")
-
-
-@dataclass(frozen=True)
-class Line:
-    """A line of the table. number: in the file, from 1."""
-
-    number: int
-    cells: list[str]
-
-
-@dataclass(frozen=True)
-class Table:
-    """A header and the rows below it; rows of empty cells alone are left out."""
-
-    header: Line
-    rows: tuple[Line, ...]
+_COMMENT = re.compile(r"\s*([#%]+|;(?=[^;]*$))(.*)")  # a line of cells between semicolons may begin with an empty one
 
 
 class Problems:
@@ -55,61 +41,49 @@ class Problems:
         return "; ".join([*lines[:SHOWN], *more, *filter(None, [self._cures[kind]])])
 
 
-def file_text(path: Path) -> str:
-    """Return the text of a file in UTF-8 or, if it says so, UTF-16; raises ValueError."""
-    content = path.read_bytes()
-    utf16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
-    try:
-        return content.decode("utf-16" if utf16 else "utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"not a text file in UTF-8 (byte {error.start}); save it as UTF-8") from error
-
-
-def in_file(path: Path, error: ValueError) -> str:
-    """Return an error's message with the file's name before every line."""
-    return "\n".join(f"{path.name}: {line}" for line in str(error).splitlines())
-
-
 def read_table(text: str) -> Table:
     """Return header and rows of a table.
 
     Cells are separated by tabs, semicolons or commas, whichever the header has (in this order), or by blanks where it
-    has none of them. Lines that begin with # are comments, but the last of them is the header where only numbers
-    follow, as NumPy writes it. Raises ValueError for a text without rows, and for lines with more or fewer cells than
-    the header; cells beyond the header's may be there if they are empty.
+    has none of them. Lines that begin with #, % or ; are comments, but the last of them is the header where only
+    numbers follow, as NumPy writes it; where no header is found, columns are called 1, 2, ... `plain_form` rewrites
+    what programs write above and beside a header. Raises ValueError for a text without rows, and for lines with more or
+    fewer cells than the header; cells beyond the header's may be there if they are empty.
     """
-    comment, first = None, None
-    lines = enumerate(text.splitlines(), start=1)
-    for number, line in lines:
-        if line.lstrip().startswith("#"):
-            comment = (number, line.lstrip().lstrip("#").strip())
+    comment: tuple[int, str] | None = None
+    lines: list[Line] = []
+    separator: str | None = None
+    for number, line in enumerate(text.splitlines(), start=1):
+        remark = _COMMENT.fullmatch(line)
+        if remark is not None:
+            if not lines:
+                comment = (number, remark[2].strip())
         elif line.strip() and not re.fullmatch(r'"?sep=.?"?', line.strip()):  # a spreadsheet's note to itself
-            first = (number, line)
-            break
-    if first is None:
+            separator = separator if lines else _separator(line)
+            cells = _cells(number, line, separator)
+            if any(cells):
+                lines.append(Line(number, cells))
+    if not lines:
         raise ValueError("no rows; expected a header line that names the columns, such as run, object, t, x, y, z")
-    separator = _separator(first[1])
-    header = Line(first[0], _cells(*first, separator))
-    rest: Iterator[tuple[int, str]] = iter(lines)
-    if comment is not None and all(_is_number(c) for c in header.cells):
-        named = Line(comment[0], _cells(*comment, _separator(comment[1])))
-        if len(named.cells) == len(header.cells):
-            header, rest = named, iter([first, *lines])
-    rows, problems = [], Problems()
-    width = len(header.cells)
-    for number, line in rest:
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        cells = _cells(number, line, separator)
-        if not any(cells):
-            continue
-        if len(cells) < width or any(cells[width:]):
-            problems.add("cells", number, f"{len(cells)} cells, expected {width} as in the header", _width_cure(cells))
-        rows.append(Line(number, cells))
+    if all(has_number(c) for c in lines[0].cells):
+        named = None if comment is None else Line(comment[0], _cells(*comment, _separator(comment[1])))
+        if named is None or len(named.cells) != len(lines[0].cells):
+            named = Line(lines[0].number, [str(i) for i in range(1, len(lines[0].cells) + 1)])
+        lines.insert(0, named)
+    table = plain_form(lines)
+    _check_widths(table)
+    if not table.rows:
+        raise ValueError(f"line {table.header.number} is a header, but no rows of data follow it")
+    return table
+
+
+def _check_widths(table: Table) -> None:
+    problems, width = Problems(), len(table.header.cells)
+    for row in table.rows:
+        if len(row.cells) < width or any(row.cells[width:]):
+            text = f"{len(row.cells)} cells, expected {width} as in the header"
+            problems.add("cells", row.number, text, _width_cure(row.cells))
     problems.check()
-    if not rows:
-        raise ValueError(f"line {header.number} is a header, but no rows of data follow it")
-    return Table(header, tuple(rows))
 
 
 @dataclass
@@ -170,15 +144,7 @@ def _cells(number: int, line: str, separator: str | None) -> list[str]:
         raise ValueError(f"line {number}: {error}; quote marks must come in pairs around a cell") from error
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def _width_cure(cells: list[str]) -> str:
+def _width_cure(cells: Sequence[str]) -> str:
     whole = sum(bool(re.fullmatch(r"[+-]?\d+", c)) for c in cells)
     if whole > len(cells) // 2 and len(cells) > 2:
         return "if these are decimal commas, separate the cells by semicolons or tabs"

@@ -17,8 +17,9 @@ Array = NDArray[np.float64]
 class ObservedTracks:
     """Measured motion of n objects at T instants.
 
-    frames (T,): frame numbers (or row numbers where there are no frames); time of frame f is
-    f * seconds_per_frame. positions (T, n, 3) [m], NaN where unknown. position_sigma (T, n): standard
+    frames (T,): frame numbers (or row numbers where there are no frames). clock (T,): when each was taken, in units of
+    seconds_per_frame, for samples with times of their own; None where frame f was taken at f * seconds_per_frame.
+    positions (T, n, 3) [m], NaN where unknown. position_sigma (T, n): standard
     deviation of a position [m]. orientations (T, n, 4) w, x, y, z, NaN where unknown. confidence (T, n) and
     orientation_confidence (T, n) in 0..1, 0 where nothing was observed. symmetry (n,): order of rotational
     symmetry of the object about its vertical axis as far as the observation can show (1 none, 4 a cube
@@ -39,6 +40,7 @@ class ObservedTracks:
     symmetry: tuple[int, ...]
     shapes: tuple[ShapeSeries, ...] = ()
     position_spread: Array | None = None
+    clock: Array | None = None
 
     def __post_init__(self) -> None:
         t, n = len(self.frames), len(self.names)
@@ -52,12 +54,16 @@ class ObservedTracks:
         }
         if self.position_spread is not None:
             shapes["position_spread"] = (self.position_spread.shape, (t, n, 3))
+        if self.clock is not None:
+            shapes["clock"] = (self.clock.shape, (t,))
         shapes |= {f"{s.readout.kind} of {s.object}": (s.confidence.shape[:1], (t,)) for s in self.shapes}
         wrong = [f"{k} {got}, expected {want}" for k, (got, want) in shapes.items() if got != want]
         if wrong:
             raise ValueError("; ".join(wrong))
         if t and np.any(np.diff(self.frames) <= 0):
             raise ValueError("frames must increase")
+        if t and not np.all(np.diff(self.moments, prepend=-np.inf) > 0):
+            raise ValueError("times must increase")
         if not np.isfinite(self.seconds_per_frame) or self.seconds_per_frame <= 0:
             raise ValueError(f"seconds_per_frame must be positive, got {self.seconds_per_frame}")
         if np.any((self.confidence > 0) & ~np.all(np.isfinite(self.positions), axis=-1)):
@@ -80,9 +86,21 @@ class ObservedTracks:
         return sigma
 
     @property
+    def moments(self) -> Array:
+        """When each frame was taken, shape (T,), in units of seconds_per_frame."""
+        return self.frames.astype(np.float64) if self.clock is None else self.clock
+
+    @property
     def times(self) -> Array:
-        """Times of the frames, shape (T,) [s]."""
-        return self.frames.astype(np.float64) * self.seconds_per_frame
+        """When each frame was taken, shape (T,) [s]."""
+        return self.moments * self.seconds_per_frame
+
+    def time_of(self, frame: int) -> float:
+        """Time of a frame [s], interpolated between those that were measured, beyond them at seconds_per_frame."""
+        if self.clock is None or not len(self.frames):
+            return float(frame) * self.seconds_per_frame
+        near = int(np.clip(frame, self.frames[0], self.frames[-1]))
+        return float(np.interp(near, self.frames, self.clock) + frame - near) * self.seconds_per_frame
 
     def index(self, name: str) -> int:
         """Column of an object; raises KeyError naming the valid choices."""
@@ -99,10 +117,9 @@ class ObservedTracks:
         """The same for some objects only, tracks in the order given; raises KeyError for one with nothing known."""
         tracked = [n for n in names if n in self.names or not any(s.object == n for s in self.shapes)]
         columns = [self.index(n) for n in tracked]
-        return type(self)(
+        return replace(
+            self,
             names=tuple(tracked),
-            frames=self.frames,
-            seconds_per_frame=self.seconds_per_frame,
             positions=self.positions[:, columns],
             position_sigma=self.position_sigma[:, columns],
             orientations=self.orientations[:, columns],
@@ -116,7 +133,7 @@ class ObservedTracks:
     def with_shapes(self, shapes: tuple[ShapeSeries, ...], frames: NDArray[np.int64]) -> Self:
         """The same with more shapes, measured at other frames, which are added to these.
 
-        A readout that is here already is replaced.
+        A readout that is here already is replaced. Frames that are not here yet have the time of `time_of`.
         """
         union = np.union1d(self.frames, frames).astype(np.int64)
         at = np.searchsorted(union, self.frames)
@@ -138,23 +155,28 @@ class ObservedTracks:
             orientation_confidence=spread(self.orientation_confidence, 0.0),
             shapes=(*kept, *(s.onto(union, frames) for s in shapes)),
             position_spread=None if self.position_spread is None else spread(self.position_spread, 0.0),
+            clock=None
+            if self.clock is None
+            else np.array([self.time_of(int(f)) / self.seconds_per_frame for f in union]),
         )
 
     def window(self, first_frame: int, last_frame: int) -> Self:
         """The same tracks between two frames, both included."""
-        rows = (self.frames >= first_frame) & (self.frames <= last_frame)
-        return type(self)(
-            names=self.names,
-            frames=self.frames[rows],
-            seconds_per_frame=self.seconds_per_frame,
-            positions=self.positions[rows],
-            position_sigma=self.position_sigma[rows],
-            orientations=self.orientations[rows],
-            confidence=self.confidence[rows],
-            orientation_confidence=self.orientation_confidence[rows],
-            symmetry=self.symmetry,
-            shapes=tuple(s.rows(rows) for s in self.shapes),
-            position_spread=None if self.position_spread is None else self.position_spread[rows],
+        return self.rows((self.frames >= first_frame) & (self.frames <= last_frame))
+
+    def rows(self, keep: NDArray[np.bool_]) -> Self:
+        """The same tracks at some of their frames, keep (T,)."""
+        return replace(
+            self,
+            frames=self.frames[keep],
+            positions=self.positions[keep],
+            position_sigma=self.position_sigma[keep],
+            orientations=self.orientations[keep],
+            confidence=self.confidence[keep],
+            orientation_confidence=self.orientation_confidence[keep],
+            shapes=tuple(s.rows(keep) for s in self.shapes),
+            position_spread=None if self.position_spread is None else self.position_spread[keep],
+            clock=None if self.clock is None else self.clock[keep],
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -171,6 +193,7 @@ class ObservedTracks:
             "symmetry": list(self.symmetry),
             **({"shapes": [s.to_dict() for s in self.shapes]} if self.shapes else {}),
             **({} if self.position_spread is None else {"position_spread": _to_lists(self.position_spread)}),
+            **({} if self.clock is None else {"clock": self.clock.tolist()}),
         }
 
     @classmethod
@@ -191,10 +214,32 @@ class ObservedTracks:
             position_spread=np.asarray(data["position_spread"], dtype=float).reshape(t, n, 3)
             if "position_spread" in data
             else None,
+            clock=np.asarray(data["clock"], dtype=float) if "clock" in data else None,
         )
 
 
-def shapes_only(shapes: tuple[ShapeSeries, ...], frames: NDArray[np.int64], seconds_per_frame: float) -> ObservedTracks:
+def frame_grid(times: Array, seconds_per_frame: float | None = None) -> tuple[NDArray[np.int64], float, Array]:
+    """Return distinct frame numbers (T,) nearest to increasing times (T,) [s], seconds per frame, and the clock (T,).
+
+    seconds_per_frame: default about the median interval, the mean one, or a half, quarter, ... of the median, whichever
+    is the first to give every time a frame of its own.
+    """
+    steps = [seconds_per_frame or 1.0]
+    if seconds_per_frame is None and len(times) > 1:
+        whole, gaps = float(times[-1] - times[0]), np.diff(times)
+        median = whole / max(round(whole / float(np.median(gaps))), 1)
+        halvings = range(1, 2 + max(int(np.ceil(np.log2(median / gaps.min()))), 0))
+        steps = [median, whole / len(gaps), *(median / 2**k for k in halvings)]
+    for step in steps:
+        frames = np.floor(times / step + 0.5).astype(np.int64)
+        if np.all(np.diff(frames) > 0):
+            break
+    return frames, step, times / step
+
+
+def shapes_only(
+    shapes: tuple[ShapeSeries, ...], frames: NDArray[np.int64], seconds_per_frame: float, clock: Array | None = None
+) -> ObservedTracks:
     """A record of shapes without tracks."""
     t = len(frames)
     return ObservedTracks(
@@ -208,6 +253,7 @@ def shapes_only(shapes: tuple[ShapeSeries, ...], frames: NDArray[np.int64], seco
         orientation_confidence=np.zeros((t, 0)),
         symmetry=(),
         shapes=shapes,
+        clock=clock,
     )
 
 

@@ -189,8 +189,8 @@ def predicted(
     """
     step = run.world.time.seconds_per_frame
     tracks = run.tracks.window(cut, int(run.tracks.frames[-1]))
-    ends = float(tracks.frames[-1]) * step
-    times = np.concatenate([tracks.frames * step, [ends + b for b in BEYOND]]) - begin
+    ends = float(tracks.moments[-1]) * step
+    times = np.concatenate([tracks.moments * step, [ends + b for b in BEYOND]]) - begin
     count = len(next(iter(overrides.values())))
     batch = simulator(block.world, times, n_worlds=count).run(overrides)
     kept = ~batch.stopped

@@ -202,8 +202,8 @@ def tracks_readout(world: World, tracks: ObservedTracks, sigma: Array | None = N
     known, moving = tracks.observed_names, world.moving_names
     if not set(known) & set(moving):
         raise ValueError(f"no track belongs to an object of the world; tracks {list(known)}, objects {list(moving)}")
-    if len(tracks.frames) == 0 or tracks.frames[0] < 0:
-        raise ValueError("tracks must have at least one frame, and frame numbers must not be negative")
+    if len(tracks.frames) == 0 or tracks.frames[0] < 0 or tracks.moments[0] < 0.0:
+        raise ValueError("tracks must have at least one frame, and neither frame numbers nor times may be negative")
     shapes = [_shape(world, tracks, s) for s in tracks.shapes if s.object in moving]
     columns = [i for i, name in enumerate(tracks.names) if name in moving]
     names = [tracks.names[i] for i in columns]
@@ -239,7 +239,7 @@ def _turn_shows(world: World, name: str, order: int) -> bool:
 
 def sample_times(world: World, tracks: ObservedTracks) -> Array:
     """Return the times (T,) [s] of the frames at the world's own seconds_per_frame."""
-    times: Array = tracks.frames.astype(np.float64) * world.time.seconds_per_frame
+    times: Array = tracks.moments * world.time.seconds_per_frame
     return times
 
 

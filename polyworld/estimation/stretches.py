@@ -66,7 +66,7 @@ def velocity_jumps(
     for column in range(len(tracks.names)):
         seen = np.flatnonzero(tracks.confidence[:, column] > 0.0)
         seen = seen[(seen >= rows.start) & (seen < rows.stop)]
-        times, points = tracks.frames[seen] * seconds_per_frame, tracks.positions[seen, column] / noise[column]
+        times, points = tracks.moments[seen] * seconds_per_frame, tracks.positions[seen, column] / noise[column]
         for i in range(4, len(seen) - 3):
             left, right = slice(max(0, i - w), i), slice(i, min(i + w, len(seen)))
             centred = times - times[i]
@@ -134,8 +134,10 @@ def stretches(
         rows = slice(first, max(rows_met.start - 1, first + 1)) if who else slice(first, len(tracks.frames))
         frames = tracks.frames[rows]
         part = tracks.window(int(frames[0]), int(frames[-1]))
-        begin = 0 if first == 0 else int(frames[0])
-        part = replace(part, frames=part.frames - begin)
+        begin = 0.0 if first == 0 else float(part.moments[0])
+        if first:
+            clock = None if part.clock is None else part.clock - begin
+            part = replace(part, frames=part.frames - int(frames[0]), clock=clock)
         time = world.time.model_copy(update={"origin": world.time.origin + begin * step})
         own = with_initial_states(world.model_copy(update={"time": time}), part)
         if found:
@@ -172,7 +174,7 @@ def together(
     if not set(bodies) <= set(tracks.names):
         return ()
     step = world.time.seconds_per_frame
-    rows = np.flatnonzero((tracks.frames * step >= begin - 1e-9) & (tracks.frames * step <= end + 1e-9))
+    rows = np.flatnonzero((tracks.moments * step >= begin - 1e-9) & (tracks.moments * step <= end + 1e-9))
     groups = [frozenset([n]) for n in bodies]
     for i, a in enumerate(bodies):
         for b in bodies[:i]:

@@ -66,9 +66,9 @@ def supports(world: World, tracks: ObservedTracks, settings: SupportSettings | N
             continue
         column = tracks.index(item.name)
         rows = np.flatnonzero(tracks.confidence[:, column] > 0.0)
-        rows = rows[tracks.frames[rows] <= max(state.free_until, state.frame + 2)][: settings.steady]
+        rows = rows[tracks.moments[rows] <= max(state.free_until, state.frame + 2)][: settings.steady]
         points = tracks.positions[rows, column]
-        times = tracks.frames[rows].astype(np.float64) * world.time.seconds_per_frame
+        times = tracks.moments[rows] * world.time.seconds_per_frame
         noise = float(max(state.noise, np.median(tracks.coordinate_sigma[rows, column])))
         faces = [face for face in _faces(world.statics, state.position) if face[2][2] >= settings.upward]
         own = [_on(item, state, points, times, noise, *face, settings) for face in faces]

@@ -132,12 +132,15 @@ def _listed(fitted: Fitted) -> dict[str, Any]:
 
 def _noise(fitted: Fitted) -> dict[str, Any]:
     ground = fitted.ground
+    angles = all(np.isfinite(run.arms).all() for run in ground.recording.runs)
     levels = [
-        n.position[np.isfinite(r.positions).any(axis=0)]
+        np.sqrt((n.position**2 * np.isfinite(r.positions).any(axis=0)).sum(axis=1)) / r.arms
+        if angles  # which move two coordinates
+        else n.position[np.isfinite(r.positions).any(axis=0)]
         for r, n in zip(ground.recording.runs, ground.noise, strict=True)
     ]
     every = np.concatenate([np.atleast_1d(x) for x in levels]) if levels else np.zeros(0)
-    return {"position": float(np.median(every)) if len(every) else None, "unit": "m"}
+    return {"position": float(np.median(every)) if len(every) else None, "unit": "rad" if angles else "m"}
 
 
 @dataclass(frozen=True)

@@ -180,18 +180,21 @@ def _errors(fitted: Fitted) -> Array:
 
 def left_in_units(fitted: Fitted) -> tuple[float, float, str]:
     """Return the residuals beyond the noise, and the noise, as root mean squares corrected for the states fitted, and
-    their unit: of positions, else of turns or spins."""
+    their unit: of positions, or of the angles that they all stand for, else of turns or spins."""
     readouts = fitted.ground.readouts
     kind = next(k for k in range(3) if any((g.columns() % CHANNELS // 3 == k).any() for g in readouts))
+    angles = kind == 0 and all(np.isfinite(g.run.arms).all() for g in readouts)
     total = noise = count = paid = 0.0
     for one, states, readout in zip(fitted.slopes, fitted.of_states(), readouts, strict=True):
         columns = readout.columns()
         own = columns % CHANNELS // 3 == kind
         sigma = readout.sigma[columns[own]]
+        if angles:  # an angle moves two coordinates
+            sigma = np.sqrt(2.0) * sigma / np.array(readout.run.arms)[columns[own] // CHANNELS]
         total += float(((one.residuals[own] * sigma) ** 2).sum())
         noise += float((sigma**2).sum())
         count += float(own.sum())
         paid += len(states) * float(own.sum()) / max(len(columns), 1)
     floor = noise / max(count, 1.0)
     left = float(np.sqrt(max(total / max(count - paid, 1.0) - floor, 0.0)))
-    return left, float(np.sqrt(floor)), UNITS[kind]
+    return left, float(np.sqrt(floor)), UNITS[1 if angles else kind]

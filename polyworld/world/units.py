@@ -71,7 +71,13 @@ _RATIOS: dict[Dimension, Dimension] = {"angle": "angular velocity", "length": "v
 
 
 def find_unit(text: str) -> Unit | None:
-    """Return the unit that a text names, None where it names none; ratios such as `deg/s` and `rad_s` included."""
+    """Return the unit that a text names, None where it names none; ratios such as `deg/s` and `rad_s` included,
+    and multiples such as `0.002 m`."""
+    multiple = re.fullmatch(r"\s*([+-]?\d*\.?\d+(?:e[+-]?\d+)?)\s*([a-zµμ°].*)", text.lower())
+    if multiple is not None:
+        unit = find_unit(multiple[2])
+        factor = float(multiple[1])
+        return None if unit is None or factor == 0.0 else Unit(text.strip(), unit.dimension, factor * unit.factor)
     plain = text.strip().lower().replace("µ", "u").replace("μ", "u")
     plain = re.sub(r"[\s_·*.]*\bs\s*(\^\s*)?[-−]\s*1$|[\s·*.]*s⁻¹$", "/s", plain)
     plain = re.sub(r"[\s_/]+per[\s_/]+", "/", plain)

@@ -32,7 +32,7 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
     inside, outside = tmp_path / "inside", tmp_path / "outside"
     inside.mkdir()
     outside.mkdir()
-    (inside / "t.csv").write_text("t,object,x,y\n0,a,0,0\n0.1,a,0,0\n")
+    (inside / "t.csv").write_text("t,object,x,z\n0,a,0,0\n0.1,a,0,0\n")
     (outside / "accounts").write_text(SECRET)
     return inside, outside
 

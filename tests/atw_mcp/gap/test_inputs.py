@@ -93,11 +93,21 @@ def test_options_that_do_not_fit_are_refused_by_name(given: list[str], message: 
 
 def test_remarks_are_printed_once_with_the_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "far.csv"
-    path.write_text("t,x,note\n0,0,\n0.1,900,\n")
+    path.write_text("timestamp,x,note\n1700000000,0,\n1700000000.1,9,\n")
     read_with_remarks(path, form(), World.model_validate(world()))
     remarks = capsys.readouterr().err.splitlines()
     assert [line.partition(": ")[0] for line in remarks] == ["far.csv", "far.csv"]
-    assert "x [mm]" in remarks[1]
+    assert "counted from the first one" in remarks[1]
+
+
+def test_columns_are_given_as_messages_have_them(tmp_path: Path) -> None:
+    path = tmp_path / "far.csv"
+    path.write_text("0,1,2\n0.1,900,3\n")
+    given = form("--columns", "{'1': 't [s]', '2': 'z [mm]', '3': '-'}")
+    run = read_with_remarks(path, given, World.model_validate(world())).runs[0]
+    assert run.positions[:, 0, 2].tolist() == [0.001, 0.9]
+    with pytest.raises(ValueError, match="--columns takes headers and what they mean"):
+        form("--columns", "1=t")
 
 
 def test_an_error_in_the_table_names_file_line_column_and_cure(

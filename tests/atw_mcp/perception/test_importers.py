@@ -14,6 +14,8 @@ from atw_mcp.perception.import_files import ImportDataError
 from atw_mcp.perception.import_images import import_camera, import_depth, import_masks, import_mesh
 from atw_mcp.perception.import_shapes import import_points, import_series
 from atw_mcp.perception.import_tracks import clevrer_appearances, import_tracks
+from polyworld.data.recording_header import RecordingForm
+from polyworld.data.tracks import ObservedTracks
 from polyworld.probing.readouts import Amount, Centreline, Curve, Front, Markers, Tension
 from polyworld.world.camera import Camera
 from tests.atw_mcp.perception.clips import HEIGHT, WIDTH, Clip, Disc, render
@@ -29,9 +31,12 @@ def written(path: Path, text: str) -> Path:
 # --- tracks ---------------------------------------------------------------------------------------------
 
 
-def test_csv_with_frames_and_yaw(tmp_path: Path) -> None:
-    text = "frame,object,x,y,yaw,confidence\n0,a,0.1,0.2,0.0,1\n0,b,1,1,,0.5\n2,a,0.3,0.2,1.5708,1\n2,b,,,,\n"
-    tracks = import_tracks(written(tmp_path / "t.csv", text), seconds_per_frame=0.04)
+FRAMES = RecordingForm(seconds_per_frame=0.04)
+
+
+def test_a_table_with_frames_and_yaw(tmp_path: Path) -> None:
+    text = "frame,object,x,y,z,yaw,confidence\n0,a,0.1,0.2,0,0.0,1\n0,b,1,1,0,,0.5\n2,a,0.3,0.2,0,1.5708,1\n2,b,,,,,\n"
+    tracks = import_tracks(written(tmp_path / "t.csv", text), FRAMES).tracks
     assert tracks.names == ("a", "b")
     assert tracks.frames.tolist() == [0, 2]
     assert tracks.times.tolist() == [0.0, 0.08]
@@ -41,76 +46,92 @@ def test_csv_with_frames_and_yaw(tmp_path: Path) -> None:
     assert np.isnan(tracks.positions[1, 1]).all()
 
 
-def test_csv_with_times_finds_its_time_base(tmp_path: Path) -> None:
-    rows = "".join(f"{0.02 * k:.4f},ball,{k},0,1.5\n" for k in range(5))
-    tracks = import_tracks(written(tmp_path / "t.csv", "t,object,x,y,z\n" + rows))
-    assert tracks.seconds_per_frame == pytest.approx(0.02)
-    assert tracks.times == pytest.approx([0, 0.02, 0.04, 0.06, 0.08])
-    uneven = "t,object,x,y\n0,b,0,0\n0.1,b,1,0\n0.13,b,2,0\n0.3,b,3,0\n"
-    assert import_tracks(written(tmp_path / "u.csv", uneven)).times == pytest.approx([0, 0.1, 0.13, 0.3], abs=0.004)
+@pytest.mark.parametrize(
+    "times",
+    [
+        [0.02 * k for k in range(5)],
+        [0.0, 0.031426, 0.060405, 0.089883, 0.122553, 0.19],  # dropped frames
+        [0.0, 0.005, 0.0083333, 0.0133333, 0.0166667],
+        [0.0, 0.1, 0.13, 0.3],
+        [0.0, 1e-4, 0.05, 0.0501],  # two trackers that hardly differ
+        [3.7, 3.71, 3.8],
+    ],
+)
+def test_measured_times_are_kept_and_every_one_has_its_frame(tmp_path: Path, times: list[float]) -> None:
+    rows = "".join(f"{t!r},ball,{k},0,1.5\n" for k, t in enumerate(times))
+    tracks = import_tracks(written(tmp_path / "t.csv", "t,object,x,y,z\n" + rows)).tracks
+    assert tracks.times == pytest.approx(times, rel=1e-14, abs=1e-15)
+    assert len(set(tracks.frames.tolist())) == len(times)
+    assert np.abs(tracks.frames - tracks.moments).max() <= 0.5
+    again = ObservedTracks.from_dict(json.loads(json.dumps(tracks.to_dict())))
+    assert again.times.tolist() == tracks.times.tolist()
+    assert tracks.window(int(tracks.frames[1]), int(tracks.frames[-1])).times.tolist() == tracks.times[1:].tolist()
+
+
+def test_frame_numbers_beside_times_are_labels_and_no_straight_line_replaces_the_times(tmp_path: Path) -> None:
+    times = [0.0, 0.033, 0.1, 0.133]
+    rows = "".join(f"{k},{t},ball,{k},0,1.5\n" for k, t in enumerate(times))
+    tracks = import_tracks(written(tmp_path / "t.csv", "frame,t,object,x,y,z\n" + rows)).tracks
+    assert tracks.frames.tolist() == [0, 1, 2, 3]
+    assert tracks.times == pytest.approx(times, rel=1e-14)
+    assert [tracks.time_of(f) for f in (0, 2, 4)] == pytest.approx([0.0, 0.1, 0.133 + tracks.seconds_per_frame])
+
+
+def test_axes_that_were_not_measured_are_stated_as_such(tmp_path: Path) -> None:
+    found = import_tracks(written(tmp_path / "t.csv", "t,x,z\n0,1,2\n0.1,1,3\n"))
+    assert found.tracks.names == ("object",)
+    assert found.tracks.positions[1, 0].tolist() == [1.0, 0.0, 3.0]
+    assert (found.unmeasured, found.remarks) == ("y", ("not measured and taken as 0: y",))
 
 
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("frame,object,x\n0,a,1\n", r"missing: \['y'\]"),
-        ("object,x,y\na,1,1\n", "frame or t"),
-        ("frame,object,x,y\n", "no rows"),
-        ("frame,object,x,y\n0,a,1,1\n1,a,1,1\n", "seconds_per_frame"),
-        ("t,object,x,y\n0,a,1,1\n0,a,1,1\n", "does not increase after 0"),
-        ("t,object,x,y\n0,a,one,1\n", "line 2: x is not a number"),
-        ("t,object,x,y\n0,a,one,1\n1,a,1,two\n", "line 2: x is not a number: 'one'; line 3: y is not a number: 'two'"),
-        ("t,object,x,y\n0,a,1\n", "line 2: 3 cells, expected 4 as in the header"),
-        ("t,object,x,y\n0,,1,1\n", "no name"),
-        ("t,object,x,y,qw,qx\n0,a,1,1,1,0\n", r"only \['qw', 'qx'\]"),
-        ("t,object,x,y,confidence\n0,a,1,1,7\n", r"0\.\.1"),
-        ("t,object,x,y,qw,qx,qy,qz\n0,a,1,1,2,0,0,0\n", "length 1"),
+        ("object,x,y\na,1,1\n", "line 1: column t .* is missing"),
+        ("frame,object,x,y,z\n", "no rows"),
+        ("frame,object,x,y,z\n0,a,1,1,1\n1,a,1,1,1\n", "seconds_per_frame"),
+        ("t,object,x,y\n0,a,1,1\n1,a,1,1\n", "line 1: columns x and y without z: state whether y is height"),
+        ("t,object,x,z\n0,a,1,1\n0,a,1,2\n", "line 3: run '1' has object 'a' at t = 0 in line 2 already"),
+        ("t,object,x,z\n0,a,one,1\n1,a,1,two\n", "line 2: x is not a number: 'one'; line 3: z is not a number: 'two'"),
+        ("t,object,x,z\n0,a,1\n", "line 2: 3 cells, expected 4 as in the header"),
+        ("t,object,x,z\n0,,1,1\n", "line 2: object is empty"),
+        ("t,object,x,z,qw,qx\n0,a,1,1,1,0\n", "there is only qw, qx"),
+        ("t,object,x,z,yaw,qw,qx,qy,qz\n0,a,1,1,0,1,0,0,0\n", "qw, qx, qy, qz or yaw; leave out one"),
+        ("t,object,x,z,confidence\n0,a,1,1,7\n", r"line 2: confidence must lie in 0\.\.1"),
+        ("t,object,x,z,qw,qx,qy,qz\n0,a,1,1,2,0,0,0\n", "norm 2, expected 1"),
+        ("t,run,x,z\n0,a,1,1\n0,b,1,1\n", "tracks are of one run, the table has a, b: it is a kind='recording'"),
+        ("t,object,wx\n0,a,1\n1,a,1\n", "tracks need places"),
     ],
 )
-def test_csv_that_does_not_hold_tracks_is_refused(tmp_path: Path, text: str, says: str) -> None:
+def test_a_table_that_does_not_hold_tracks_is_refused(tmp_path: Path, text: str, says: str) -> None:
     with pytest.raises(ImportDataError, match=says):
         import_tracks(written(tmp_path / "t.csv", text))
 
 
 def test_tables_of_spreadsheets_are_read_alike(tmp_path: Path) -> None:
-    plain = import_tracks(written(tmp_path / "t.csv", "t,object,x,y\n0,a,0.5,1\n0.1,a,,1\n"))
-    foreign = "sep=;\nt;object;x;y\n0;a;0,5;1\n0,1;a;NA;1\n"
-    assert import_tracks(written(tmp_path / "u.csv", foreign)).to_dict() == plain.to_dict()
+    plain = import_tracks(written(tmp_path / "t.csv", "t,object,x,z\n0,a,0.5,1\n0.1,a,,1\n"))
+    foreign = "sep=;\nt;object;x;z\n0;a;0,5;1\n0,1;a;NA;1\n"
+    assert import_tracks(written(tmp_path / "u.csv", foreign)).tracks.to_dict() == plain.tracks.to_dict()
 
 
 def test_json_tracks_come_back_as_they_were_written(tmp_path: Path) -> None:
-    text = "frame,object,x,y\n0,a,0.1,0.2\n1,a,0.3,0.2\n"
-    tracks = import_tracks(written(tmp_path / "t.csv", text), seconds_per_frame=0.04)
-    again = import_tracks(written(tmp_path / "t.json", json.dumps(tracks.to_dict())))
+    text = "frame,object,x,z\n0,a,0.1,0.2\n1,a,0.3,0.2\n"
+    tracks = import_tracks(written(tmp_path / "t.csv", text), FRAMES).tracks
+    again = import_tracks(written(tmp_path / "t.json", json.dumps(tracks.to_dict()))).tracks
     assert again.to_dict() == tracks.to_dict()
     with pytest.raises(ImportDataError, match="neither tracks"):
         import_tracks(written(tmp_path / "x.json", '{"colour": 1}'))
     with pytest.raises(ImportDataError, match="not JSON"):
         import_tracks(written(tmp_path / "y.json", "{"))
-    with pytest.raises(ImportDataError, match="unknown kind"):
-        import_tracks(written(tmp_path / "y.xml", "{"))
     with pytest.raises(ImportDataError, match="no file"):
         import_tracks(tmp_path / "missing.csv")
-
-
-def test_npz_tracks(tmp_path: Path) -> None:
-    path = tmp_path / "t.npz"
-    positions = np.random.default_rng(0).normal(size=(4, 2, 3))
-    positions[2, 1] = np.nan
-    np.savez(path, positions=positions, names=np.array(["a", "b"]), seconds_per_frame=0.1)
-    tracks = import_tracks(path)
-    assert np.array_equal(tracks.positions, positions, equal_nan=True)
-    assert tracks.confidence[2].tolist() == [1.0, 0.0]
-    np.savez(path, places=positions)
-    with pytest.raises(ImportDataError, match=r"\['places'\]"):
-        import_tracks(path)
 
 
 def test_clevrer_annotation_reads_positions_turns_and_looks() -> None:
     path = CLEVRER / "annotation_00000.json"
     if not path.exists():
         pytest.skip("shared CLEVRER data not found beside the repository")
-    tracks = import_tracks(path)
+    tracks = import_tracks(path).tracks
     assert tracks.seconds_per_frame == 0.028
     record = json.loads(path.read_text())["motion_trajectory"][20]["objects"][2]
     k = tracks.index("cyan_metal_cube")

@@ -80,7 +80,7 @@ def test_times_that_differ_by_rounding_are_one_instant() -> None:
 
 def test_other_columns_are_ignored_and_said_so() -> None:
     with pytest.warns(UserWarning, match="columns not used: frame, Vx"):
-        parse_recording("frame,object,t,x,Vx\n0,a,0,1,2\n")
+        parse_recording("frame,object,t,x,Vx\n0,a,0,1,2\n1,a,1,1,2\n")
 
 
 @pytest.mark.parametrize(
@@ -103,12 +103,17 @@ def test_other_columns_are_ignored_and_said_so() -> None:
         ("run,object,t,x\n,a,0,1\n", "line 2: run is empty"),
         (
             "object,t,x\na,0,1\nb,0,1\na,0.0,2\n",
-            "line 4: run 'run' has object 'a' at t = 0 in line 2 already, with another x",
+            "line 4: run '1' has object 'a' at t = 0 in line 2 already, with another x",
         ),
         ("object,t,qw,qx,qy,qz\na,0,1,0,,0\n", "line 2: .* measured are qw, qx, qz"),
         ("object,t,qw,qx,qy,qz\na,0,0,0,0,0\n", "line 2: .* norm 0, expected 1"),
         ("object,t,qw,qx,qy,qz\na,0,2,0,0,0\n", "line 2: .* norm 2, expected 1"),
         ('object,t,x\n"a,0,1\n', "line 2: "),
+        ("object,t,x\na,0,1\n", "line 2 is the only row: motion needs rows of two instants"),
+        ("object,t,x,confidence\na,0,1,7\n", "line 2: confidence must lie in 0..1, got 7"),
+        ("object,t,x,sigma\na,0,1,0\n", "line 2: sigma must be above 0"),
+        ("object,t,x [mm],sigma\na,0,1,0.1\n", "column 'sigma' states no unit, but 'x .mm.' does"),
+        ("frame,object,t,x\n0.5,a,0,1\n", "line 2: frame must be a whole number, got 0.5"),
     ],
 )
 def test_malformed_files_are_refused_with_the_line(text: str, message: str) -> None:
@@ -122,9 +127,9 @@ def test_a_file_is_named_in_its_errors(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"drop\.csv: line 2: x is not a number"):
         read_recording(path)
     path.write_bytes(b"object,t,x\na,0,1\xff\n")
-    with pytest.raises(ValueError, match=r"drop\.csv: not a text file in UTF-8"):
+    with pytest.raises(ValueError, match=r"drop\.csv: line 2 is not in UTF-8 .* export the table as CSV in UTF-8"):
         read_recording(path)
-    path.write_bytes("﻿object,t,x\r\na,0,1\r\n".encode())  # as spreadsheets write it
+    path.write_bytes("﻿object,t,x\r\na,0,1\r\na,1,1\r\n".encode())  # as spreadsheets write it
     assert read_recording(path).runs[0].positions[0, 0, 0] == 1.0
 
 

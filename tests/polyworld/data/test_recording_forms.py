@@ -50,11 +50,11 @@ def test_headers_state_units_in_the_usual_ways(header: str) -> None:
 
 
 def test_units_given_beside_the_file_are_of_columns_that_state_none() -> None:
-    text = "t,x,y [m],theta\n0,1500,2,0\n20,1600,3,0\n"
+    text = "t,x,z [m],theta\n0,1500,2,0\n20,1600,3,0\n"
     with pytest.warns(UserWarning, match="theta"):
         run = only(text, RecordingForm(units="mm,ms"))
     assert run.times[1] == pytest.approx(0.02)
-    assert run.positions[1, 0, :2].tolist() == pytest.approx([1.6, 3.0])
+    assert run.positions[1, 0, ::2].tolist() == pytest.approx([1.6, 3.0])
     run = only("t,x,z\n0,1,2\n1,1,2\n", RecordingForm(units="x=cm, height=mm"))
     assert run.positions[0, 0].tolist() == pytest.approx([0.01, math.nan, 0.002], nan_ok=True)
 
@@ -93,17 +93,17 @@ def test_aliases_give_runs_and_objects_and_a_quantity_by_its_own_name_wins() -> 
         ("b", ("ball",), 2.0),
     ]
     with pytest.warns(UserWarning, match="columns not used: Height"):
-        assert only("t,z,Height\n0,1,5\n").positions[0, 0, 2] == 1.0
+        assert only("t,z,Height\n0,1,5\n1,1,5\n").positions[0, 0, 2] == 1.0
 
 
 @pytest.mark.parametrize("mark", [";", "\t"])
 def test_semicolons_tabs_and_decimal_commas(mark: str) -> None:
-    text = "\ufefft,x,y\n0,1,2\n".replace(",", mark) + f"0,5{mark}−1,25{mark},5\n1{mark}NA{mark}1,5e-3\n"
+    text = "\ufefft,x,z\n0,1,2\n".replace(",", mark) + f"0,5{mark}−1,25{mark},5\n1{mark}NA{mark}1,5e-3\n"
     run = only(text)
     assert run.times.tolist() == [0.0, 0.5, 1.0]
-    assert run.positions[1, 0, :2].tolist() == [-1.25, 0.5]
+    assert run.positions[1, 0, ::2].tolist() == [-1.25, 0.5]
     assert np.isnan(run.positions[2, 0, 0])
-    assert run.positions[2, 0, 1] == 0.0015
+    assert run.positions[2, 0, 2] == 0.0015
 
 
 def test_blanks_separate_cells_and_numpy_writes_its_header_as_a_comment(tmp_path: Path) -> None:
@@ -134,18 +134,18 @@ def test_numbers_that_could_be_read_two_ways_are_refused(text: str, message: str
 
 
 def test_errors_of_one_kind_are_listed_three_times_and_then_counted() -> None:
-    text = "t,x,y\n" + "".join(f"{i},bad{i},1\n" for i in range(20)) + "20,1,inf\n"
+    text = "t,x,z\n" + "".join(f"{i},bad{i},1\n" for i in range(20)) + "20,1,inf\n"
     first, second = refusal(text).splitlines()
     assert first.startswith("line 2: x is not a number: 'bad0'; line 3: ")
     assert "'bad2'; and 17 more; a cell that was not measured is empty" in first
     assert "bad3" not in first
-    assert second.startswith("line 22: y is not finite")
+    assert second.startswith("line 22: z is not finite")
 
 
 def test_a_row_that_comes_twice_is_merged_with_what_the_other_lacks() -> None:
-    run = only("t,x,y\n0,1,\n1,3,4\n0,1,2\n0,1,2\n")
+    run = only("t,x,z\n0,1,\n1,3,4\n0,1,2\n0,1,2\n")
     assert run.times.tolist() == [0.0, 1.0]
-    assert run.positions[0, 0, :2].tolist() == [1.0, 2.0]
+    assert run.positions[0, 0, ::2].tolist() == [1.0, 2.0]
 
 
 def test_a_quaternion_and_its_negative_are_one_rotation() -> None:
@@ -156,7 +156,7 @@ def test_repeated_times_are_refused_with_their_likely_cause() -> None:
     rounded = "t,x\n" + "".join(f"{i / 120:.2f},{i}\n" for i in range(30))
     assert "times are rounded to 0.01 s and rows are 0.00828 s apart" in refusal(rounded)
     again = "t,x\n" + "".join(f"{i % 10 / 10},{i}\n" for i in range(20))
-    assert "line 12: run 'run' has object 'ball' at t = 0 in line 2 already, with another x" in refusal(again)
+    assert "line 12: run '1' has object 'ball' at t = 0 in line 2 already, with another x" in refusal(again)
     assert "the time starts again there" in refusal(again)
     assert "correct the time or delete one of the rows" in refusal("t,x\n0,1\n0.25,2\n0.25,3\n0.5,4\n")
 
@@ -184,11 +184,30 @@ def test_spins_are_read_in_their_units() -> None:
     assert np.isnan(run.angular_velocities[1, 0, :2]).all()
 
 
-def test_numbers_that_are_hardly_metres_or_seconds_are_remarked_on() -> None:
-    with pytest.warns(UserWarning, match=r"object 'ball' extend over 1200 m; .* x \[mm\]"):
-        only("t,x\n0,0\n0.1,1200\n")
-    with pytest.warns(UserWarning, match=r"rows are 33 s apart; .* t \[ms\]"):
-        only("t,x\n0,0\n33,1\n66,1\n")
+def test_units_of_numbers_that_are_hardly_metres_or_seconds_are_asked_for() -> None:
+    far = "t,x\n0,0\n0.1,1200\n"
+    assert refusal(far) == (
+        "line 1: column 'x' states no unit, and its numbers extend over 1200: state it, as columns={'x': 'x [mm]'}, or "
+        "'x [m]' if these are metres"
+    )
+    assert only(far, RecordingForm(columns={"x": "x [m]"})).positions[1, 0, 0] == 1200.0
+    slow = "t,x\n0,0\n33,1\n66,1\n"
+    assert "column 't' states no unit, and rows are 33 apart in it: state it, as columns={'t': 't [ms]'}" in refusal(
+        slow
+    )
+    assert only(slow, RecordingForm(columns={"t": "t [ms]"})).times.tolist() == pytest.approx([0.0, 0.033, 0.066])
+
+
+def test_axes_that_are_not_stated_are_asked_for() -> None:
+    text = "t,x,y\n0,1,2\n1,1,3\n"
+    assert "state whether y is height, as columns={'y': 'z'}, or runs along the floor" in refusal(text)
+    assert only(text, RecordingForm(columns={"y": "z"})).positions[1, 0].tolist() == pytest.approx(
+        [1.0, math.nan, 3.0], nan_ok=True
+    )
+    assert only(text, RecordingForm(columns={"y": "y [cm]"})).positions[1, 0, 1] == pytest.approx(0.03)
+    assert "no column is called 'Y'; columns: t, x, y; others by their places, 1 to 3" in refusal(
+        text, RecordingForm(columns={"Y": "z"})
+    )
 
 
 # --- pixels ---
@@ -204,12 +223,12 @@ def test_pixels_of_a_side_view_give_x_and_height(header: str) -> None:
 
 
 def test_pixels_of_a_top_view_give_x_and_y_and_may_count_upwards() -> None:
-    run = only("t,u,v\n0,50,300\n", RecordingForm(pixels=PixelScale(per_metre=100.0, view="top")))
+    run = only("t,u,v\n0,50,300\n1,50,300\n", RecordingForm(pixels=PixelScale(per_metre=100.0, view="top")))
     assert run.positions[0, 0].tolist() == pytest.approx([0.5, 3.0, math.nan], nan_ok=True)
 
 
 def test_pixels_without_a_scale_and_a_scale_without_pixels_are_refused() -> None:
-    assert "line 1: columns u and v are pixels: give pixels_per_metre" in refusal("t,u,v\n0,1,2\n")
+    assert "line 1: columns u and v are pixels: state the length of one" in refusal("t,u,v\n0,1,2\n")
     assert "there are x, z" in refusal("t,x,z\n0,1,2\n", RecordingForm(pixels=SIDE))
     assert "states a unit of length" in refusal("t,x [mm],y [mm]\n0,1,2\n", RecordingForm(pixels=SIDE))
     with pytest.raises(ValueError, match="positive number of pixels per metre, got 0"):
@@ -218,7 +237,7 @@ def test_pixels_without_a_scale_and_a_scale_without_pixels_are_refused() -> None
 
 def test_a_speed_called_v_is_no_pixel() -> None:
     with pytest.warns(UserWarning, match=r"columns not used: u \[m/s\], v \[m/s\]"):
-        assert only("t,z,u [m/s],v [m/s]\n0,1,2,3\n").positions[0, 0, 2] == 1.0
+        assert only("t,z,u [m/s],v [m/s]\n0,1,2,3\n1,1,2,3\n").positions[0, 0, 2] == 1.0
 
 
 # --- angles ---
@@ -244,6 +263,7 @@ def test_an_angle_places_a_body_on_its_hinge() -> None:
     assert run.positions[1, 0].tolist() == pytest.approx([-2.0, math.nan, 3.0], nan_ok=True)
     assert np.isnan(run.positions[2]).all()
     assert np.isnan(run.orientations).all()  # the one number measured is counted once
+    assert run.arms == (2.0,)
 
 
 @pytest.mark.parametrize("start", [0.0, 0.7, -2.0])
@@ -252,7 +272,7 @@ def test_the_zero_of_an_angle_is_the_described_pose_or_where_the_body_hangs(star
     hanging = only(f"t,theta\n0,{math.pi}\n1,{math.pi + start}\n", RecordingForm(theta_hanging=math.pi), world)
     assert hanging.positions[0, 0, [0, 2]].tolist() == pytest.approx([0.0, 1.0])
     assert hanging.positions[1, 0, [0, 2]].tolist() == pytest.approx([world.objects[0].position[i] for i in (0, 2)])
-    described = only("t,theta\n0,0.2\n", RecordingForm(theta_described=0.2), world)
+    described = only("t,theta\n0,0.2\n1,0.2\n", RecordingForm(theta_described=0.2), world)
     assert described.positions[0, 0, [0, 2]].tolist() == pytest.approx([world.objects[0].position[i] for i in (0, 2)])
 
 
@@ -300,5 +320,4 @@ def test_an_object_that_is_not_among_those_known_is_refused_with_its_first_line(
 
 
 def test_an_angle_of_many_turns_may_be_in_degrees() -> None:
-    with pytest.warns(UserWarning, match=r"reaches 90 rad; .* theta \[deg\]"):
-        only("t,theta\n0,0\n1,90\n", world=pendulum())
+    assert "columns={'theta': 'theta [deg]'}" in refusal("t,theta\n0,0\n1,90\n", world=pendulum())
