@@ -37,6 +37,7 @@ class VideoRequest:
     known: names, shapes and hints for the matching; bodies: what BuildWorld is given of each, by name. unlisted: what
     becomes of tracks that no known object explains. observe, calibrate: None where the case's own is used. looked_for:
     what ObserveObjects is asked to look for where tracks do not match what is known; None where that is not wanted.
+    kept: which facts an earlier call gave, in words.
     """
 
     known: tuple[Known, ...]
@@ -49,6 +50,7 @@ class VideoRequest:
     looked_for: list[dict[str, Any]] | None = None
     plane: MotionPlane | None = None
     floor: float = 0.0
+    kept: str = ""
 
 
 def model_video(app: App, case: Case, request: VideoRequest, progress: Progress) -> Answer:
@@ -56,13 +58,12 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
 
     A step that fails ends the work with status `failed`; the steps before it stay and are not repeated by a next call.
     """
-    steps, model = Steps(app, progress, SHARES), VideoModel()
+    steps, model = Steps(app, progress, SHARES), VideoModel(kept=request.kept)
     try:
         names = _known_first(app, case, request, steps, model)
         if names is None:
             seen = _observe(app, case, request, steps)
-            if request.calibrate is not None:
-                steps.call("CalibrateCamera", case=case.id, **request.calibrate)
+            _calibrate(case, request, steps)
             names = _match(app, case, request, seen, steps, model, progress)
         building = _build_arguments(request, model, names)
         built = steps.call("BuildWorld", case=case.id, **building)
@@ -89,14 +90,19 @@ def _known_first(app: App, case: Case, request: VideoRequest, steps: Steps, mode
         return None
     if latest_image_observation(app, case) is not None:
         return None
-    if request.calibrate is not None:
-        steps.call("CalibrateCamera", case=case.id, **request.calibrate)
+    _calibrate(case, request, steps)
     found = _look_for(app, case, request, steps, model)
     if found is None or {item.name for item in request.known} - set(found.names):
+        model.some = None if found is None else latest_image_observation(app, case)
         steps.call("ObserveObjects", case=case.id)
         return None
     model.matching, model.looked_for = Matching((), (), ()), list(found.names)
     return list(found.names)
+
+
+def _calibrate(case: Case, request: VideoRequest, steps: Steps) -> None:
+    if request.calibrate is not None and not any(step.tool == "CalibrateCamera" for step in steps.done):
+        steps.call("CalibrateCamera", case=case.id, **request.calibrate)
 
 
 def _observe(app: App, case: Case, request: VideoRequest, steps: Steps) -> ImageObservation:
@@ -189,8 +195,12 @@ def _look_for(app: App, case: Case, request: VideoRequest, steps: Steps, model: 
         scene["motion_plane"] = request.plane.model_dump(include={"point", "normal", "supports"})
     scene |= {"obstacles": request.build["obstacles"]} if request.build.get("obstacles") else {}
     least = 0 if model.matching is None else len(model.matching.matches)
+    if model.some is not None and len(model.some[1].names) < max(least, 1):
+        model.notes.append(f"looked for by colour and size, only {', '.join(model.some[1].names)} was found")
+        return None
+    asked = {"known": request.looked_for, **scene} if model.some is None else {"observation": model.some[0]}
     try:
-        steps.call("ObserveObjects", case=case.id, known=request.looked_for, **scene)
+        steps.call("ObserveObjects", case=case.id, **asked)
     except StepFailed as error:
         model.notes.append(f"objects could not be looked for by colour and size: {error.reason}")
         return None

@@ -11,6 +11,7 @@ from atw_mcp.calls.steps import Step, StepFailed, Steps
 from atw_mcp.fitting.errors import ObjectError
 from atw_mcp.fitting.reading import WAYS
 from atw_mcp.observation.matching import Matching
+from atw_mcp.perception.observation import ImageObservation
 from evidence_store import Case
 
 UNSURE = 0.5  # mean confidence below which a track is doubted
@@ -28,6 +29,8 @@ class VideoModel:
     """State reached so far: matches, tracks that no known object explains, errors, or why there are none.
 
     notes: doubts about how known objects were looked for. looked_for: those found by colour and size, not by matching.
+    kept: facts that an earlier call gave. some: the observation, by its id, in which some of the known objects were
+    found and others not.
     """
 
     matching: Matching | None = None
@@ -36,6 +39,8 @@ class VideoModel:
     diverged: str | None = None
     notes: list[str] = field(default_factory=list)
     looked_for: list[str] = field(default_factory=list)
+    kept: str = ""
+    some: tuple[str, ImageObservation] | None = None
 
 
 def fit_report(app: App, case: Case, fitted: Step, steps: Steps, model: VideoModel) -> Answer:
@@ -51,6 +56,7 @@ def fit_report(app: App, case: Case, fitted: Step, steps: Steps, model: VideoMod
         "verdict": verdict,
         "doubts": doubts,
         "next": _next(case, steps, model, world, verdict),
+        "kept": model.kept or None,
         **_matching(model),
         "errors": [error.to_dict() for error in model.errors],
         "representation": "planar" if app.world(case, world).planar else "spatial",

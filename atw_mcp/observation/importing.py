@@ -101,11 +101,13 @@ def _add_shapes(
     form: RecordingForm,
 ) -> TrackRecord:
     if base is None:
-        tracks = shapes_only(found.series, found.frames, found.seconds_per_frame, found.clock)
+        clock = None if np.array_equal(found.clock, found.frames) else found.clock
+        tracks = shapes_only(found.series, found.frames, found.seconds_per_frame, clock)
     else:
         rate, stated = base.tracks.seconds_per_frame, form.seconds_per_frame
         there = np.array([base.tracks.time_of(int(f)) / rate for f in found.frames])
-        off = float(np.abs(found.clock - there).max(initial=0.0))
+        apart = found.clock - (found.frames if np.array_equal(found.clock, found.frames) else there)
+        off = float(np.abs(apart).max(initial=0.0))
         if off > OFF_FRAME or np.any(np.diff(found.frames) < 1) or abs((stated or rate) / rate - 1.0) > 1e-9:
             own = (
                 f"times {off * rate:.3g} s off the frames of" if stated is None else f"{stated:.6g} s per frame, unlike"

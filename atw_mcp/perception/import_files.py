@@ -61,22 +61,21 @@ class MeasuredTable:
         except ValueError as error:
             raise ImportDataError(in_file(self.file, error)) from error
 
+    def clock(self, seconds_per_frame: float | None) -> str:
+        """Return the column that orders the rows: frame where it is there and its time is known, else t."""
+        return "frame" if "frame" in self.columns and (seconds_per_frame or "t" not in self.columns) else "t"
+
     def grid(self, times: set[float], seconds_per_frame: float | None) -> tuple[Frames, float, Floats, Floats]:
         """Return the moments at which something was measured, as the clock's column has them: their frame numbers,
         seconds per frame, the clock in frames, and the moments."""
         moments = np.array(sorted(times))
-        if "t" in self.columns:
+        if self.clock(seconds_per_frame) == "t":
             return (*frame_grid(moments, seconds_per_frame), moments)
         if seconds_per_frame is None:
             raise ImportDataError(f"{self.file.name}: frames but no times: give seconds_per_frame (or a column t)")
         if np.any(moments != np.round(moments)):
             raise ImportDataError(f"{self.file.name}: frame must be whole numbers, got {moments[:3].tolist()}")
         return moments.astype(np.int64), seconds_per_frame, moments, moments
-
-    @property
-    def clock(self) -> str:
-        """The column that orders the rows: t, or frame."""
-        return "t" if "t" in self.columns else "frame"
 
 
 def read_measured_table(

@@ -59,7 +59,7 @@ def import_points(
     where one is missing the others are taken for a part of the curve. Raises ImportDataError.
     """
     table = read_measured_table(path, ("object", "point", "x", "y", "z"), ("confidence", "sigma"), columns)
-    file, key = table.file, table.clock
+    file, key = table.file, table.clock(seconds_per_frame)
     by_object: dict[str, dict[str, list[dict[str, float]]]] = defaultdict(lambda: defaultdict(list))
     keys = [k for k in (key, "x", "y", "z", "confidence", "sigma") if k in table.columns]
     for row in table.rows:
@@ -117,7 +117,7 @@ def import_series(
     """
     more = ("sigma", "confidence", "container", "at", "share")
     table = read_measured_table(path, ("object", "quantity", "value"), more, columns)
-    file, key = table.file, table.clock
+    file, key = table.file, table.clock(seconds_per_frame)
     found: dict[Readout, list[dict[str, float]]] = defaultdict(list)
     keys = [k for k in (key, "value", "sigma", "confidence") if k in table.columns]
     for row in table.rows:

@@ -154,7 +154,7 @@ def _from_table(file: Path, form: RecordingForm, position_sigma: float) -> Impor
         remarks.append(f"times are counted from the first one, {times[0]:.15g} s")
         times = times - times[0]
     frames, step, clock = _frames(times, numbers, form.seconds_per_frame)
-    turned = np.isfinite(run.orientations).all(axis=2)
+    turned: NDArray[np.bool_] = np.all(np.isfinite(run.orientations), axis=2)
     confidence = reading.confidence[0]
     confidence = np.where(seen, np.where(np.isfinite(confidence), confidence, 1.0), 0.0)
     tracks = ObservedTracks(

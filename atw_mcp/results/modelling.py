@@ -79,6 +79,7 @@ class ModelledVideo(_Modelling):
     world: str = Field(description="id of the fitted world")
     verdict: Literal["follows", "follows_with_doubts", "does_not_follow"]
     doubts: list[str]
+    kept: str | None = Field(default=None, description="facts taken from an earlier call, since this gave none")
     errors: list[BodyError] | None = Field(
         default=None, description="largest beside the body's size first; missing where the world diverges"
     )

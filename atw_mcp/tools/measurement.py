@@ -38,6 +38,7 @@ from evidence_store import Case
 from polyworld.data.recording_header import RecordingForm
 
 GROUP = ToolGroup("world construction")
+ROUNDED = 1e-4  # [s] by which times in a table differ from those of frames because of their few digits
 Matrix = Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(min_length=3, max_length=3)]
 # A record with the matrix in it: refused with what to take from it; not offered to the agent.
 Unread = SkipJsonSchema[dict[str, Any]]
@@ -199,9 +200,11 @@ def _tracks_answer(case: Case, record: TrackRecord, left_out: tuple[str, ...] = 
     span = (float(tracks.times[0]), float(tracks.times[-1])) if count else None
     shapes = series_rows(tracks.shapes, tracks.frames)
     more = f", {len(shapes)} shapes of {', '.join(sorted({s['object'] for s in shapes}))}" if shapes else ""
+    off = 0.0 if tracks.clock is None else float(np.abs(tracks.clock - tracks.frames).max()) * tracks.seconds_per_frame
+    own = f", measured at times of their own up to {off:.2g} s from those, which fits keep" if off > ROUNDED else ""
     return Answer(
         summary=f"tracks {record.id}: {len(rows)} objects{more} over {count} frames of "
-        f"{tracks.seconds_per_frame:.6g} s" + (f"; left out: {'; '.join(left_out)}" if left_out else ""),
+        f"{tracks.seconds_per_frame:.6g} s{own}" + (f"; left out: {'; '.join(left_out)}" if left_out else ""),
         data={
             "tracks": record.id,
             "objects": rows,

@@ -109,6 +109,12 @@ def model_video_tool(
     found = _opened(app, video, name) if case is None else app.case(case)
     if found.kind != "video":
         raise ToolError(f"case {found.id!r} is measured data: ImportObservation, BuildWorld and FitWorld model it")
+    own_facts = {"objects": objects, "seconds_per_frame": seconds_per_frame, "gravity": gravity,
+                 "motion_plane": motion_plane, "floor": floor}  # fmt: skip
+    facts, kept = _kept(app, found, [name for name, value in own_facts.items() if value is None])
+    objects, seconds_per_frame = objects or facts.objects, seconds_per_frame or facts.seconds_per_frame
+    gravity, motion_plane = gravity or facts.gravity, motion_plane or facts.motion_plane
+    floor = facts.floor if floor is None else floor
     known_points = None if points is None else [item.model_dump() for item in points]
     given = _given({"points": known_points, "known_length": _dumped(known_length)})
     calibration = _merged(given, calibrate, "calibrate")
@@ -146,6 +152,7 @@ def model_video_tool(
             fit=_merged(frames, fit, "fit"),
             plane=None if motion_plane is None else motion_plane.to_plane(),
             floor=floor if isinstance(floor, float) else 0.0,
+            kept=kept,
         )
     _check_steps(app, found, request)
     return LongWork(
@@ -154,6 +161,29 @@ def model_video_tool(
         draft=Answer(summary=f"modelling {app.files.shown(found.path)}", data={}, case=found.id, objects=tuple(bodies)),
         patience=patience_seconds,
     )
+
+
+class _Facts(Argument):
+    """What is known of a film, which a next call need not repeat."""
+
+    objects: list[KnownObject] | None = None
+    seconds_per_frame: float | None = None
+    gravity: Point | None = None
+    motion_plane: PlaneArgument | None = None
+    floor: float | Literal["none"] | None = None
+
+
+def _kept(app: App, case: Case, missing: Sequence[str]) -> tuple[_Facts, str]:
+    """Return the facts that earlier calls of this tool gave last, of those missing in this one, and where they are."""
+    found: dict[str, Any] = {}
+    said: list[str] = []
+    for head in reversed(app.store.evidence.of_case(case.id, tool="ModelVideo")):
+        arguments = app.store.evidence.get(head.id).arguments
+        for fact in missing:
+            if fact not in found and arguments.get(fact) is not None:
+                found[fact] = arguments[fact]
+                said.append(f"{fact} as in {head.id}")
+    return _Facts.model_validate(found), ", ".join(said)
 
 
 def _opened(app: App, video: str | None, name: str | None) -> Case:

@@ -65,7 +65,7 @@ def _rms(accuracy: Mapping[str, Any] | None) -> float | None:
 
 
 def chances(store: EvidenceStore, evidence: Sequence[str]) -> list[Chance]:
-    """Return the probabilities of all statements that QueryWorld asked an ensemble about in this evidence."""
+    """Return the probabilities of all statements that Ask and QueryWorld asked an ensemble about in this evidence."""
     found: list[Chance] = []
     for identifier in evidence:
         try:
@@ -73,6 +73,9 @@ def chances(store: EvidenceStore, evidence: Sequence[str]) -> list[Chance]:
             if record.tool == "QueryWorld" and record.status == "completed":
                 data = record.payload["data"]
                 found += _of_rows(identifier, data.get("answers", [data]))
+            elif record.tool == "Ask" and record.status == "completed":
+                data = record.payload["data"]
+                found += _asked(identifier, data.get("answers", [data]))
         except UNREADABLE:
             continue
     return found
@@ -89,6 +92,20 @@ def _of_rows(evidence: str, rows: Iterable[Mapping[str, Any]]) -> list[Chance]:
         )
         for row in rows
         if (about := row.get("ensemble") or {}).get("probability") is not None
+    ]
+
+
+def _asked(evidence: str, rows: Iterable[Mapping[str, Any]]) -> list[Chance]:
+    return [
+        Chance(
+            evidence=evidence,
+            statement=row["question"].replace("whether ", "", 1).replace("_", " "),
+            probability=row["probability"],
+            interval90=None,
+            less_sure_because=row.get("less_sure_because") or "",
+        )
+        for row in rows
+        if "probability" in row
     ]
 
 

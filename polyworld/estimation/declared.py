@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -194,11 +195,19 @@ class _Rows:
     def _departure(self, field: str, name: str, own: Sequence[RigidObject], power: float = 1.0) -> Unknown:
         """Return the factor by which an object departs from what objects of no stated material share."""
         paths, sd = _paths(own, field), self.settings.ln_departure
-        return _log(f"{field} of {name} over {COMMON}", paths, 0.0, sd, (0.1, 10.0), (power,) * len(paths))
+        found = _log(f"{field} of {name} over {COMMON}", paths, 0.0, sd, (0.1, 10.0), (power,) * len(paths))
+        return self._of(own, found)
+
+    def _of(self, own: Sequence[RigidObject], unknown: Unknown) -> Unknown:
+        """Leave out runs in which the name of one of these objects is that of another."""
+        ours = {id(item) for item in own}
+        others = ((run.name, o.name) for run in self.study.runs for o in run.world.objects if id(o) not in ours)
+        paths = {(run, p) for run, name in others for p in unknown.paths if p.startswith(f"objects.{name}.")}
+        return replace(unknown, elsewhere=frozenset(paths))
 
     def _friction(self, name: str, own: Sequence[RigidObject], prior: Gaussian, surface: tuple[str, ...]) -> Unknown:
         paths = _paths(own, "friction")
-        return _log(name, paths, *prior, (5e-4, 2.0), (2.0,) * len(paths) if surface else ())
+        return self._of(own, _log(name, paths, *prior, (5e-4, 2.0), (2.0,) * len(paths) if surface else ()))
 
     def _prior_of(self, name: str) -> Gaussian:
         known = [v for word, v in self.settings.friction_of.items() if word in name.lower()]
@@ -231,22 +240,20 @@ class _Rows:
         """Restitution by group; of objects without a stated material a common one, and factors on it."""
         mean, sd = self.settings.restitution
         found = [
-            Unknown(f"restitution of {name}", _paths(own, "restitution"), "1", mean, 0.0, 1.0, sd, prior=(mean, sd))
+            self._of(
+                own,
+                Unknown(
+                    f"restitution of {name}", _paths(own, "restitution"), "1", mean, 0.0, 1.0, sd, prior=(mean, sd)
+                ),
+            )
             for name, own in self.groups.items()
             if name not in self.unstated
         ]
         if self.unstated:
             bodies = [o for name in self.unstated for o in self.groups[name]]
-            found.append(
-                _log(
-                    f"restitution {COMMON}",
-                    _paths(bodies, "restitution"),
-                    float(np.log(mean)),
-                    sd / mean,
-                    (0.02, 1.0),
-                    (),
-                )
-            )
+            label, paths = f"restitution {COMMON}", _paths(bodies, "restitution")
+            shared = _log(label, paths, float(np.log(mean)), sd / mean, (0.02, 1.0), ())
+            found.append(self._of(bodies, shared))
             found += [self._departure("restitution", name, self.groups[name]) for name in self.unstated]
         return found
 
@@ -263,7 +270,8 @@ class _Rows:
             mean, sd = self.settings.ln_rolling
             low = (1e-4 * radius, 0.3 * radius)
             paths = _paths(rollers, "rolling_resistance")
-            found.append(_log(f"rolling resistance of {name}", paths, mean + float(np.log(radius)), sd, low, (), "m"))
+            arm = _log(f"rolling resistance of {name}", paths, mean + float(np.log(radius)), sd, low, (), "m")
+            found.append(self._of(rollers, arm))
         return found
 
     def dampings(self) -> list[Unknown]:
@@ -305,7 +313,8 @@ class _Rows:
             mass = read_parameter(world, f"objects.{own[0].name}.mass") or 1.0
             bounds = (mass / 30.0, mass * 30.0)
             name = f"mass of {', '.join(dict.fromkeys(o.name for o in own))}"
-            rows.append(_log(name, _paths(own, "mass"), float(np.log(mass)), self.settings.ln_mass, bounds, (), "kg"))
+            unit = _log(name, _paths(own, "mass"), float(np.log(mass)), self.settings.ln_mass, bounds, (), "kg")
+            rows.append(self._of(own, unit))
         return rows
 
 

@@ -78,7 +78,7 @@ class Block:
         for i, u in enumerate(shared):
             powers = u.powers or (1.0,) * len(u.paths)
             for path, power in zip(u.paths, powers, strict=True):
-                if path in known and u.run in (None, self.name):
+                if path in known and u.run in (None, self.name) and (self.name, path) not in u.elsewhere:
                     self._terms.setdefault(path, []).append((i, power, u.scale == "log", u.lower))
         self._limits = {path: (known[path].lower, known[path].upper) for path in self._terms}
 

@@ -22,8 +22,9 @@ class Unknown:
     world's value. plausible: departure from `start` that physics makes ordinary: the width of a normal prior by which
     hypotheses are compared; None where nothing is known. scale: "log" varies the natural logarithm, of which `typical`
     is then a change. prior: mean and standard deviation of a Gaussian prior with which it is fitted, of the logarithm
-    on that scale. powers: exponents with which each path takes the value, as
-    a factor beside those of other unknowns, on a log scale; on a linear one factors, as a summand; default 1.
+    on that scale. powers: exponents with which each path takes the value, as a factor beside those of other unknowns,
+    on a log scale; on a linear one factors, as a summand; default 1. elsewhere: runs and paths that do not take it,
+    since there another object has the name.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Unknown:
     prior: tuple[float, float] | None = None
     scale: Literal["linear", "log"] = "linear"
     powers: tuple[float, ...] = ()
+    elsewhere: frozenset[tuple[str, str]] = frozenset()
 
 
 Guess = tuple[float, float]  # a first guess, and a change that is ordinary

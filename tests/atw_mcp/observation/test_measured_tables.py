@@ -75,7 +75,8 @@ def test_tracks_of_a_table_have_the_velocity_of_the_motion(
 @needs_input("tracks_vfr_times.csv")
 def test_measured_times_come_out_as_they_went_in(session: Session, tmp_path: Path) -> None:
     where = opened(session, tmp_path, "tracks_vfr_times.csv")
-    session("ImportObservation", kind="tracks", **where)
+    imported = session("ImportObservation", kind="tracks", **where)
+    assert "measured at times of their own up to 0.0" in imported["summary"]
     seen = session("InspectObservedMotion", case=where["case"], object="ball", limit=500)["data"]
     times = [row[seen["columns"].index("time")] for row in seen["rows"]]
     with (INPUTS / "tracks_vfr_times.csv").open() as file:

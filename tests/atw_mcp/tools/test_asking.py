@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -169,3 +171,14 @@ def test_candidate_worlds_weigh_by_what_they_predicted(tmp_path: Path) -> None:
     for world in (other, first):
         assert session("CommitWorld", case="slide", world=world)["source"]["world"] == world
         assert session("Ask", case="slide", questions=[question])["source"]["world"] == world
+
+
+def test_the_questions_that_the_readme_shows_are_read(session: Session) -> None:
+    """With the names of this case in place of the README's."""
+    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"call Ask case=slide questions='(.*)'$", readme, re.MULTILINE)
+    for written, here in (("puck", "red"), ("wall", "blue"), ("cube", "green")):
+        text = text.replace(f'"{written}"', f'"{here}"')
+    where, whether = asked(session, *json.loads(text))
+    assert where["place"]["x"]["median"] > 0.0
+    assert whether["probability"] > 0.5

@@ -32,3 +32,18 @@ def test_worse_of_two_verdicts_and_probabilities_of_members(tmp_path: Path) -> N
     assert (chance.evidence, chance.statement) == (asked, "red ball collides wall")
     assert (chance.probability, chance.interval90) == (0.93, [0.85, 0.97])
     store.close()
+
+
+def test_answers_of_ask_are_shown_with_their_probability(tmp_path: Path) -> None:
+    """Ask keeps a record of each answer and one of all; places have no probability."""
+    store = EvidenceStore(tmp_path / "atw.db")
+    store.cases.add("c", content="x", kind="data", path="", facts={})
+    yes = {"question": "whether collides red_cube blue", "answer": "probability 0.8", "probability": 0.8}
+    place = {"question": "where red_cube at 2 s", "answer": "x 1 m", "place": {"x": {"median": 1.0}}}
+    one = store.evidence.add(Evidence("Ask", {}, case="c", payload={"data": yes})).id
+    both = store.evidence.add(Evidence("Ask", {}, case="c", payload={"data": {"answers": [yes, place]}})).id
+    found = chances(store, [one, both])
+    assert [(c.evidence, c.statement, c.probability) for c in found] == [
+        (one, "collides red cube blue", 0.8),
+        (both, "collides red cube blue", 0.8),
+    ]

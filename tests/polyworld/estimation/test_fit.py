@@ -71,6 +71,17 @@ def test_constants_of_a_material_are_one_number_in_every_run(pooled: StudyFit) -
     assert not [c for c in pooled.constants if "mass" in c.unknown.name]
 
 
+def test_one_name_may_be_of_steel_in_one_clip_and_of_wood_in_another() -> None:
+    swapped = clip(discs([WOOD, STEEL], masses=[1.0, 1.8]), CROSSING, 36, seed=1, name="swapped",
+                   materials=["wood", "steel"])  # fmt: skip
+    found = fit(Study((two(), swapped)), WHOLE)
+    for name, truth in (("friction of steel", STEEL), ("friction of wood", WOOD)):
+        assert deviations(found.constant(name), truth) < 3.0
+    first, second = (r.world for r in found.runs)
+    assert first.object("a").friction == pytest.approx(second.object("b").friction)
+    assert first.object("b").restitution == pytest.approx(second.object("a").restitution)
+
+
 def test_more_clips_narrow_what_a_material_does(pooled: StudyFit) -> None:
     alone = fit(of_one(two().world, two().tracks), WHOLE)
     width = [np.subtract(*f.constant("friction of wood").interval[::-1]) for f in (alone, pooled)]
