@@ -193,7 +193,7 @@ def _register_pictures(server: MCPServer[Any], app: App) -> None:
         from atw_mcp.perception.video import read_frames
 
         with explaining():
-            image = read_frames(app.files.file(found.path), [int(frame)])[0]
+            image = read_frames(app.files.film(found.path), [int(frame)])[0]
         return next(iter(encoded({f"frame {frame}": image}).values()))
 
 

@@ -92,6 +92,17 @@ class AllowedFiles:
             os.close(descriptor)
         return path
 
+    def film(self, text: str) -> Path:
+        """Return the real path of a video file, or of a folder of pictures within the limits; raises FileRefused."""
+        path = self.resolve(text)
+        if not path.is_dir():
+            return self.file(text)
+        files = [item for item in path.iterdir() if item.is_file() and not item.is_symlink()]
+        if len(files) > self._limits.folder_files:
+            raise FileRefused(f"{path} has more than {self._limits.folder_files} files, the limit (folder_files)")
+        self._check_size(path, sum(item.stat().st_size for item in files), "file_bytes")
+        return path
+
     @contextmanager
     def opened(self, text: str, limit: Literal["file_bytes", "text_bytes"] = "file_bytes") -> Iterator[Path]:
         """Yield a path under which a file, or a private copy of a folder's regular files, can be read without races.
@@ -135,6 +146,8 @@ class AllowedFiles:
         return re.sub("\0([0-9]+)\0", lambda found: kept[int(found[1])], text)
 
     def _allowed(self, text: str) -> Path:
+        if "://" in text:
+            raise FileRefused(f"{_short(text)} is an address: give the path of the file alone, as /folder/film.mp4")
         if len(text) > LONGEST:  # resolving it would look at every folder on the way
             raise FileRefused(self._outside(text))
         try:

@@ -50,7 +50,7 @@ def open_case(
     store: EvidenceStore, path: Path, *, kind: str, facts: dict[str, Any], name: str | None, questions: list[str]
 ) -> Case:
     """The case of a file's content, new or as it was; raises StoreError where the name is taken by another."""
-    content = content_hash(path)
+    content = path_hash(path)
     with store.transaction():
         known = [case.id for case in store.cases.all() if case.content == content and case.kind == kind]
         identifier = name or (known[0] if known else case_name(path, content))

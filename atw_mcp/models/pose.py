@@ -91,6 +91,7 @@ def _tracks(
         names=names,
         frames=np.asarray(observation.frames, dtype=np.int64),
         seconds_per_frame=seconds_per_frame,
+        clock=observation.video.moments(observation.frames),
         positions=positions,
         position_sigma=sigma,
         orientations=orientations,

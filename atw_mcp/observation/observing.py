@@ -8,9 +8,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from atw_mcp.calls.app import App
 from atw_mcp.calls.jobs import Progress
-from atw_mcp.cases.cases import content_hash, path_hash
+from atw_mcp.cases.cases import path_hash
 from atw_mcp.observation.shape_records import ShapeRecord, latest_shapes, shapes_in_world
 from atw_mcp.observation.track_records import TrackRecord, read_record, to_document
 from atw_mcp.perception.calibration import Calibration
@@ -36,9 +38,9 @@ def video_file(app: App, case: Case) -> Path:
     """The case's video; raises ValueError where there is none, it may not be read, or it changed."""
     if case.kind != "video":
         raise ValueError(f"case {case.id!r} is measured data and has no video")
-    path = app.files.file(case.path)
-    facts = path.stat()
-    if _known_hash(path, facts.st_size, facts.st_mtime_ns) != case.content:
+    path = app.files.film(case.path)
+    parts = sorted(path.iterdir()) if path.is_dir() else [path]
+    if _known_hash(path, tuple((str(p), p.stat().st_size, p.stat().st_mtime_ns) for p in parts)) != case.content:
         raise ValueError(
             f"{path} changed since case {case.id!r} was opened: OpenCase(video=PATH) with the original file, wherever "
             "it is now, continues the case"
@@ -47,9 +49,23 @@ def video_file(app: App, case: Case) -> Path:
 
 
 @lru_cache(maxsize=64)
-def _known_hash(path: Path, size: int, modified: int) -> str:
-    del size, modified  # only there so that a changed file is read again
-    return content_hash(path)
+def _known_hash(path: Path, facts: tuple[tuple[str, int, int], ...]) -> str:
+    del facts  # only there so that a changed file is read again
+    return path_hash(path)
+
+
+def shown_times(case: Case) -> int:
+    """How many times the case's video shows each picture before the next: each is looked at once."""
+    return int(case.facts.get("shown_times", 1))
+
+
+def moment_of(case: Case, frame: float) -> float:
+    """When a frame of the case's video was taken, in units of seconds_per_frame; beyond it, frame by frame."""
+    clock = case.facts.get("clock")
+    if clock is None:
+        return float(frame)
+    near = min(max(frame, 0), len(clock) - 1)
+    return float(np.interp(near, np.arange(len(clock)), clock)) + frame - near
 
 
 # --- what was seen, in pixels ---

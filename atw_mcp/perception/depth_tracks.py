@@ -88,6 +88,7 @@ def depth_tracks(
         names=observation.names,
         frames=np.asarray(observation.frames, dtype=np.int64),
         seconds_per_frame=float(seconds_per_frame),
+        clock=observation.video.moments(observation.frames),
         positions=positions,
         position_sigma=sigma,
         orientations=np.full((count, n, 4), np.nan),

@@ -201,7 +201,7 @@ class ImageObservation:
     def summary(self) -> dict[str, Any]:
         """JSON-ready overview without masks and series."""
         return {
-            "video": self.video.to_dict(),
+            "video": self.video.facts(),
             "frames": len(self.frames),
             "objects": [o.summary() for o in self.objects],
             "warnings": [*self.warnings, *self.notes],

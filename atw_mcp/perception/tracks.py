@@ -525,6 +525,7 @@ def _tracks(
         names=observation.names,
         frames=np.asarray(observation.frames, dtype=np.int64),
         seconds_per_frame=float(seconds_per_frame),
+        clock=observation.video.moments(observation.frames),
         positions=positions,
         position_sigma=sigma,
         orientations=orientations,

@@ -1,4 +1,4 @@
-"""Video files in: what a file holds, and its frames as arrays."""
+"""Films in: what a file holds, and its frames as arrays, each with the time at which it was taken."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import difflib
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Self
 
@@ -13,18 +14,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.perception.containers import NAMES, decodable
+from atw_mcp.perception.decoding import Coding, coding, decode
+from atw_mcp.perception.decoding import Frames as Frames
+from atw_mcp.perception.decoding import VideoError as VideoError
 
-Frames = NDArray[np.uint8]
 Progress = Callable[[float, str], None]
 Cancelled = Callable[[], bool]
 
 MAX_FRAMES = 2000
 MAX_BYTES = 1_500_000_000
-
-
-class VideoError(ValueError):
-    """A file that cannot be read as a video; the message says what is wrong and what to do."""
+REPEATED = 0.25  # of the usual largest change from frame to frame [grey levels]: coding changes a repeated one by 0.1
+FEWEST_CHANGES = 5  # changes, all n frames apart, that show a film of pictures shown n times: by chance n**-5
 
 
 class PerceptionCancelled(RuntimeError):
@@ -35,9 +35,11 @@ class PerceptionCancelled(RuntimeError):
 class VideoInfo:
     """Contents of a video file.
 
-    frame_count is the number of frames that really decode, after `stride`; declared_frame_count is what the
-    header claims. frames_per_second is the file's own rate, which says nothing certain about physical time.
-    width, height [px]; sha256 of the file's bytes.
+    frame_count is the number of frames that really decode, after `stride`; declared_frame_count is what the header
+    claims. frames_per_second is the file's own rate, which says nothing certain about physical time. width, height
+    [px]; sha256 of the file's bytes. shown_times: how many times each picture of the film is shown before the next.
+    clock: when each frame that decodes was taken by the file's time stamps, from the first, in units of
+    1 / frames_per_second; None where frame i was at i.
     """
 
     path: str
@@ -48,37 +50,58 @@ class VideoInfo:
     sha256: str
     declared_frame_count: int
     warnings: tuple[str, ...] = ()
+    shown_times: int = 1
+    clock: tuple[float, ...] | None = None
+
+    def moments(self, frames: Sequence[int]) -> NDArray[np.float64] | None:
+        """Return when frames (T,) were taken, in units of 1 / frames_per_second; None where frame i was at i."""
+        return None if self.clock is None else np.array([self.clock[f] for f in frames])
+
+    def facts(self) -> dict[str, Any]:
+        """JSON-ready values for a reader, without the time stamps."""
+        return {k: v for k, v in self.to_dict().items() if k not in ("shown_times", "clock")}
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-ready values."""
-        return {**asdict(self), "warnings": list(self.warnings)}
+        """JSON-ready values; `from_dict` reads them back."""
+        values = {**asdict(self), "warnings": list(self.warnings)}
+        if self.shown_times == 1:
+            values.pop("shown_times")
+        if self.clock is None:
+            values.pop("clock")
+        return values
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Self:
         """Return the inverse of `to_dict`."""
-        return cls(**{**data, "warnings": tuple(data["warnings"])})
+        clock = data.get("clock")
+        return cls(**{**data, "warnings": tuple(data["warnings"]), "clock": None if clock is None else tuple(clock)})
 
 
 def probe(path: str | Path) -> VideoInfo:
-    """Decode a video once, counting its frames.
+    """Decode a video once: count its frames, read their times, and compare each with the one before.
 
-    Raises VideoError for a missing file (naming the nearest ones), a folder, an empty file, a file that is not
-    a video, a video without frames, and one above 2000 frames or 1.5 GB decoded. A truncated video is
-    accepted with a warning that says how many frames decoded.
+    Raises VideoError for a missing file (naming the nearest ones), a folder without numbered pictures, an empty file,
+    a file that is not a video, a video without frames or of equal frames, and one above 2000 frames or 1.5 GB decoded.
+    A truncated video is accepted with a warning that says how many frames decoded.
     """
-    file = existing_file(path)
-    count, size = 0, (0, 0)
-    for number, frame in _decode(file):
-        count, size = number + 1, (int(frame.shape[1]), int(frame.shape[0]))
-        _refuse_excess(file, count, size, 1)
-    return _info(file, count, size, 1)
+    file = existing_film(path)
+    film = _Film(file, 1)
+    for moment, frame in decode(file):
+        film.add(moment, frame)
+    return film.info()
 
 
 def load(path: str | Path, *, stride: int = 1) -> tuple[VideoInfo, Frames]:
     """`probe` and `read_frames` in one decoding: info and every `stride`-th frame (T, height, width, 3)."""
-    frames = read_frames(path, stride=stride)
-    file = existing_file(path)
-    return _info(file, len(frames), (int(frames.shape[2]), int(frames.shape[1])), stride), frames
+    if stride < 1:
+        raise VideoError(f"stride must be 1 or more, got {stride}")
+    file = existing_film(path)
+    film, kept = _Film(file, stride), []
+    for number, (moment, frame) in enumerate(decode(file)):
+        film.add(moment, frame)
+        if number % stride == 0:
+            kept.append(frame)
+    return film.info(), np.stack(kept)
 
 
 def read_frames(path: str | Path, indices: Sequence[int] | None = None, *, stride: int = 1) -> Frames:
@@ -88,70 +111,33 @@ def read_frames(path: str | Path, indices: Sequence[int] | None = None, *, strid
     Frames are decoded in sequence, never sought, so that frame i is the i-th that decodes. Raises VideoError
     as `probe` does, and for an index outside the video.
     """
-    file = existing_file(path)
-    if stride < 1:
-        raise VideoError(f"stride must be 1 or more, got {stride}")
-    wanted = None if indices is None else sorted({int(i) for i in indices})
-    if wanted is not None and (not wanted or wanted[0] < 0):
+    if indices is None:
+        return load(path, stride=stride)[1]
+    wanted = {int(i) for i in indices}
+    if not wanted or min(wanted) < 0:
         raise VideoError("frame numbers start at 0 and at least one is needed")
     kept: dict[int, Frames] = {}
     count = 0
-    for number, frame in _decode(file):
+    for number, frame in enumerate(each_frame(path)):
         count = number + 1
-        if wanted is not None:
-            if number in wanted:
-                kept[number] = frame
-            if number >= wanted[-1]:
-                break
-        elif number % stride == 0:
+        if number in wanted:
             kept[number] = frame
-            _refuse_excess(file, len(kept), (frame.shape[1], frame.shape[0]), stride)
-    if count == 0:
-        raise VideoError(f"{file} holds no frame that decodes")
-    if wanted is not None:
-        missing = [i for i in wanted if i not in kept]
-        if missing:
-            raise VideoError(f"frames {missing[:8]} are outside the video: valid frames are 0..{count - 1}")
-        assert indices is not None
-        return np.stack([kept[int(i)] for i in indices])
-    return np.stack([kept[i] for i in sorted(kept)])
+        if len(kept) == len(wanted):
+            return np.stack([kept[int(i)] for i in indices])
+    missing = sorted(wanted - set(kept))
+    raise VideoError(f"frames {missing[:8]} are outside the video: valid frames are 0..{count - 1}")
 
 
 def each_frame(path: str | Path) -> Iterator[Frames]:
     """Yield the frames (height, width, 3) of a video as `read_frames` returns them, one at a time."""
-    for _, frame in _decode(existing_file(path)):
+    for _, frame in decode(existing_film(path)):
         yield frame
 
 
-@dataclass(frozen=True)
-class Coding:
-    """How a video file holds its frames.
-
-    codec, pixels: four characters each; declared: the number of frames by its header; times (T,): when each frame that
-    decodes begins by the file's own clock [s].
-    """
-
-    codec: str
-    pixels: str
-    declared: int
-    times: NDArray[np.float64]
-
-
-def coding(path: str | Path) -> Coding:
-    """Read how a video file holds its frames; raises VideoError as `probe` does."""
-    capture = _open(existing_file(path))
-    try:
-        times = []
-        while capture.grab():
-            times.append(1e-3 * float(capture.get(cv2.CAP_PROP_POS_MSEC)))
-        return Coding(
-            codec=_letters(capture.get(cv2.CAP_PROP_FOURCC)),
-            pixels=_letters(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)),
-            declared=_declared_count(capture),
-            times=np.asarray(times, dtype=float),
-        )
-    finally:
-        capture.release()
+def existing_film(path: str | Path) -> Path:
+    """Return the file or the folder of pictures at `path`; raises VideoError saying why it cannot be read."""
+    file = Path(path).expanduser()
+    return file if file.is_dir() else existing_file(file)
 
 
 def existing_file(path: str | Path) -> Path:
@@ -159,7 +145,7 @@ def existing_file(path: str | Path) -> Path:
     file = Path(path).expanduser()
     if file.is_dir():
         inside = sorted(p.name for p in file.iterdir() if p.is_file())[:8]
-        raise VideoError(f"{file} is a folder, not a video file; files in it: {inside or 'none'}")
+        raise VideoError(f"{file} is a folder, not a file; files in it: {inside or 'none'}")
     if not file.exists():
         raise VideoError(f"no file {file}; {_nearest(file)}")
     if file.stat().st_size == 0:
@@ -176,86 +162,124 @@ def _nearest(file: Path) -> str:
     return f"nearest files in {folder}: {close}" if close else f"{folder} holds no files"
 
 
-def _open(file: Path) -> cv2.VideoCapture:
-    # OpenCV's backends write their own complaints to stderr; the error raised here says all of it.
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        with decodable(file) as name:
-            if name is None:
-                raise VideoError(f"{file} is not a video file: it does not begin as {NAMES} does")
-            capture = cv2.VideoCapture(name, cv2.CAP_FFMPEG)
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-    if not capture.isOpened():
-        raise VideoError(
-            f"{file} is not a video this can decode ({file.stat().st_size} bytes, suffix {file.suffix or 'none'}); "
-            "a truncated MP4 without its index also fails so: re-encode or download it again"
+class _Film:
+    """Facts of a film, gathered as its frames are decoded; every `stride`-th of them is kept in memory."""
+
+    def __init__(self, file: Path, stride: int) -> None:
+        self.file, self.stride, self.held = file, stride, coding(file)
+        self.moments: list[float | None] = []
+        self.changes: list[float] = []  # largest change from the frame before [grey levels]
+        self.last: Frames | None = None
+
+    def add(self, moment: float | None, frame: Frames) -> None:
+        if self.last is not None and self.last.shape != frame.shape:
+            raise VideoError(f"{self.file}: frame {len(self.moments)} has another size than those before: re-encode it")
+        self.moments.append(moment)
+        limit = min(MAX_FRAMES, MAX_BYTES // max(frame.size, 1))
+        if -(-len(self.moments) // self.stride) > limit:
+            raise VideoError(
+                f"{self.file} has more than {limit} frames of {frame.shape[1]} x {frame.shape[0]} at stride "
+                f"{self.stride}, above the limit of {MAX_FRAMES} frames or {MAX_BYTES / 1e9:g} GB decoded: give a "
+                "larger stride, a shorter or a smaller clip"
+            )
+        if self.last is not None:
+            self.changes.append(float(cv2.norm(self.last, frame, cv2.NORM_INF)))
+        self.last = frame
+
+    def info(self) -> VideoInfo:
+        count, declared = len(self.moments), self.held.declared
+        if self.last is None:
+            claim = f"; its header claims {declared}" if declared else ""
+            raise VideoError(f"{self.file} holds no frame that decodes{claim}")
+        if count > 1 and not any(self.changes):
+            raise VideoError(
+                f"all {count} frames of {self.file} are equal: nothing moves in it. If it plays with motion elsewhere, "
+                "re-encode it, as with ffmpeg -i FILM -c:v libx264 NEW.mp4"
+            )
+        warnings = []
+        if declared > count:
+            warnings.append(f"truncated: {count} frames decode, but the header claims {declared}")
+        rate, clock, doubt = frame_times(self.moments, self.held)
+        shown, repeats = repeated(self.changes)
+        if shown > 1:
+            motion = f": motion is at {rate / shown:.6g} frames per second" if rate else ""
+            looked = f"frames 0, {shown}, {2 * shown}, ... are looked at"
+            warnings.append(f"each picture is shown {shown} times{motion}; {looked}")
+        elif repeats:
+            warnings.append(
+                f"{len(repeats)} frames repeat the one before while all moves (frames {_listed(repeats)}): pictures "
+                "were lost, and the places seen in these frames are late"
+            )
+        return VideoInfo(
+            path=str(self.file),
+            frame_count=-(-count // self.stride),
+            width=int(self.last.shape[1]),
+            height=int(self.last.shape[0]),
+            frames_per_second=rate,
+            sha256=_sha256(self.file),
+            declared_frame_count=declared,
+            warnings=(*warnings, *doubt),
+            shown_times=shown,
+            clock=clock,
         )
-    return capture
 
 
-def _decode(file: Path) -> Iterator[tuple[int, Frames]]:
-    capture = _open(file)
-    try:
-        number = 0
-        while True:
-            decoded, frame = capture.read()
-            if not decoded:
-                return
-            yield number, np.asarray(frame, dtype=np.uint8)
-            number += 1
-    finally:
-        capture.release()
+def frame_times(
+    stamps: Sequence[float | None], held: Coding
+) -> tuple[float, tuple[float, ...] | None, tuple[str, ...]]:
+    """Return a film's frame rate [1/s], its clock as of `VideoInfo`, and warnings.
+
+    Stamps are rounded to the file's tick: where one rate explains all of them within it, the film has that rate.
+    Else every frame keeps its stamp, and the rate is the mean one. 0 where the file states no rate.
+    """
+    stated = float(held.rate or 0.0)
+    times = np.array([np.nan if s is None else s for s in stamps])
+    times -= times[0]
+    order = np.arange(1, len(times))
+    if held.codec == "pictures":
+        doubt = ("the pictures state no frame rate: give seconds_per_frame",)
+        return 0.0, None if np.array_equal(times[1:], order) else tuple(times.tolist()), doubt
+    if len(times) < 2 or not np.all(np.diff(times) > 0.0):
+        if not stated:
+            return 0.0, None, ("the file states no frame rate",)
+        lacking = f"its frames have no increasing time stamps: {stated:.6g} per second, as its header says, are assumed"
+        return stated, None, (lacking,) * (len(times) > 1)
+    slack = held.tick * (1.0 + 1e-6)
+    least, most = float(np.max((times[1:] - slack) / order)), float(np.min((times[1:] + slack) / order))
+    if least <= most:
+        even = stated if stated and least <= 1.0 / stated <= most else 2.0 / (least + most)
+        return even, None, ()
+    gaps, mean = np.diff(times), float(order[-1] / times[-1])
+    off = float(np.abs(times - np.arange(len(times)) / mean).max())
+    warning = (
+        f"frames are {gaps.min():.4g} to {gaps.max():.4g} s apart: each keeps its own time, up to {off:.2g} s from "
+        "frame / frames_per_second"
+    )
+    return mean, tuple((times * mean).tolist()), (warning,)
 
 
-def _letters(code: float) -> str:
-    return (int(code) & 0xFFFFFFFF).to_bytes(4, "little").decode("latin-1")
+def repeated(changes: Sequence[float]) -> tuple[int, list[int]]:
+    """Return how many times each picture of a film is shown, and the frames that repeat the one before amid motion.
+
+    changes (T - 1,): how much each frame differs from the one before. A frame repeats where that is a small part of
+    the usual change; every picture is shown n times where all changes are a multiple of n frames apart.
+    """
+    size = np.asarray(changes)
+    moved = size > REPEATED * np.median(size[size >= np.median(size)]) if len(size) else np.zeros(0, dtype=bool)
+    at = np.flatnonzero(moved) + 1
+    shown = int(np.gcd.reduce(np.diff(at))) if len(at) > FEWEST_CHANGES else 1
+    still = [f for a, b in pairwise(at) if b - a <= 2 for f in range(int(a) + 1, int(b))]
+    return max(shown, 1), still
 
 
 def _sha256(file: Path) -> str:
-    with file.open("rb") as content:
-        return hashlib.file_digest(content, "sha256").hexdigest()
+    digest = hashlib.sha256()
+    for part in sorted(p for p in file.iterdir() if p.is_file()) if file.is_dir() else [file]:
+        with part.open("rb") as content:
+            while block := content.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()
 
 
-def _declared_count(capture: cv2.VideoCapture) -> int:
-    declared = float(capture.get(cv2.CAP_PROP_FRAME_COUNT))
-    return int(declared) if np.isfinite(declared) and 0 < declared < 1e9 else 0
-
-
-def _refuse_excess(file: Path, count: int, size: tuple[int, int], stride: int) -> None:
-    limit = min(MAX_FRAMES, MAX_BYTES // max(3 * size[0] * size[1], 1))
-    if count > limit:
-        raise VideoError(
-            f"{file} has more than {limit} frames of {size[0]} x {size[1]} at stride {stride}, above the limit of "
-            f"{MAX_FRAMES} frames or {MAX_BYTES / 1e9:g} GB decoded: give a larger stride, a shorter or a smaller clip"
-        )
-
-
-def _info(file: Path, count: int, size: tuple[int, int], stride: int) -> VideoInfo:
-    capture = _open(file)
-    try:
-        declared = _declared_count(capture)
-        rate = float(capture.get(cv2.CAP_PROP_FPS))
-    finally:
-        capture.release()
-    if count == 0:
-        claim = f"; its header claims {declared}" if declared else ""
-        raise VideoError(f"{file} holds no frame that decodes{claim}")
-    warnings = []
-    if -(-declared // stride) > count:
-        kept = f" (every {stride}th frame kept)" if stride > 1 else ""
-        warnings.append(f"truncated: {count} frames decode{kept}, but the header claims {declared}")
-    known = bool(np.isfinite(rate) and rate > 0)
-    if not known:
-        warnings.append("the file states no frame rate")
-    return VideoInfo(
-        path=str(file),
-        frame_count=count,
-        width=size[0],
-        height=size[1],
-        frames_per_second=rate if known else 0.0,
-        sha256=_sha256(file),
-        declared_frame_count=declared,
-        warnings=tuple(warnings),
-    )
+def _listed(frames: Sequence[int], most: int = 8) -> str:
+    return ", ".join(map(str, frames[:most])) + ", ..." * (len(frames) > most)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from atw_mcp.observation.observing import (
     chosen_image_observation,
     latest_image_observation,
     modelled_tracks,
+    moment_of,
     video_file,
 )
 from atw_mcp.observation.track_records import TrackRecord, at_rate
@@ -32,6 +34,7 @@ from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.accuracy import accuracy
 from polyworld.pictures.contact_shadow import with_contact_shadows
 from polyworld.pictures.render import Picture, default_camera, render
+from polyworld.probing.compare import positions_at
 from polyworld.trajectory import Rollout, Trajectory
 from polyworld.world import World, geometry
 
@@ -51,13 +54,18 @@ class RolloutView:
         self.last_frame = int(np.floor(times[-1] / self.frame_time + 1e-6))
         self.mark_every = round_length(max(times[-1], self.frame_time) / 5) if times[-1] > 0 else self.frame_time
         self.events = marked_events(world, result)
-        self.marks = [self._sample(t / self.frame_time) for t in np.arange(0.0, times[-1] + 1e-9, self.mark_every)]
         frame_count = world.time.frame_count
         self.axes: PlanFrame | None = None  # of the plan, once drawn
-        self.dashed_from = self._sample(frame_count - 1) if 2 <= frame_count <= self.last_frame else None
         # A branch is meant to differ from the video: measuring it against the video would mislead.
         self.follows = not any(d.how == "intervention" for d in app.store.worlds.parents(world.id))
         self.record = case_tracks(app, case, world) if self.follows else None
+        self._clock = [moment_of(case, frame) for frame in range(self.last_frame + 1)]
+        taken = np.array(self._clock) * self.frame_time
+        if not np.array_equal(self._clock, np.arange(len(taken))):
+            taken = np.concatenate([taken[taken <= times[-1]], times[times > taken[-1] + 1e-9]])
+            self.result = replace(result, trajectory=_sampled(result.trajectory, taken))
+        self.marks = [self._nearest(t) for t in np.arange(0.0, times[-1] + 1e-9, self.mark_every)]
+        self.dashed_from = self._sample(frame_count - 1) if 2 <= frame_count <= self.last_frame else None
         self.observation = self._modelled(app, case) if self.follows else None
         self.video: Path | None = None
         self.video_frames = 0
@@ -107,7 +115,7 @@ class RolloutView:
                     objects |= observed.mask(name, frame)
             masks = {short[name]: picture.mask(trajectory.index(name)) for name in names}
             canvas.names(masks, SIMULATED_NAME, objects)
-            time = frame * self.frame_time
+            time = self._time(frame)
             canvas.write(f"frame {frame}   {time:.3f} s   " + ("over the video" if real else "simulated"), (8, 16))
             self.axes = self.axes or plan_frame(
                 [(self.world, trajectory)], self.camera, names, samples, len(canvas.image)
@@ -141,8 +149,15 @@ class RolloutView:
         latest = latest_image_observation(app, case)
         return None if latest is None else latest[1]
 
-    def _sample(self, frame: float) -> int:
-        return int(np.argmin(np.abs(self.result.trajectory.times - frame * self.frame_time)))
+    def _time(self, frame: int) -> float:
+        """When a frame was taken [s]."""
+        return self._clock[frame] * self.frame_time
+
+    def _sample(self, frame: int) -> int:
+        return self._nearest(self._time(frame))
+
+    def _nearest(self, time: float) -> int:
+        return int(np.argmin(np.abs(self.result.trajectory.times - time)))
 
     def _observed_places(self, names: list[str], frame: int) -> dict[str, NDArray[np.float64]]:
         """Measured positions (3,) [m] in one frame, of the objects that have one."""
@@ -256,14 +271,14 @@ class RolloutView:
         if tracks is None:
             return None
         with explained():
-            return accuracy(self.world, tracks, _sampled(self.result.trajectory, tracks)).to_dict()
+            return accuracy(self.world, tracks, _sampled(self.result.trajectory, tracks.times)).to_dict()
 
     def worst_errors(self) -> dict[str, tuple[float, int]]:
         """The largest distance [m] to the observed position and its frame, over every observed frame, by object."""
         tracks = self._compared_tracks()
         if tracks is None:
             return {}
-        simulated, worst = _sampled(self.result.trajectory, tracks), {}
+        simulated, worst = _sampled(self.result.trajectory, tracks.times), {}
         normal = geometry.plane_axes(self.world.environment.motion_plane)[2]
         for name in tracks.names:
             if name not in simulated.names:
@@ -314,7 +329,7 @@ def draw_observed(
             about["area"] = int(seen.area[row])
             about["confidence"] = round(float(seen.confidence[row]), 3)
         measured.append(about)
-    if label:
+    if label and observation.names:
         masks = {name: observation.mask(name, frame) for name in observation.names}
         others = np.any(list(masks.values()), axis=0)
         canvas.names({name: masks[name] for name in names}, OBSERVED, others)
@@ -330,17 +345,12 @@ def case_tracks(app: App, case: Case, world: World | None) -> TrackRecord | None
         return modelled_tracks(app, case, world if world is not None else World())
 
 
-def _sampled(trajectory: Trajectory, tracks: ObservedTracks) -> Trajectory:
-    rows = [int(np.argmin(np.abs(trajectory.times - time))) for time in tracks.times]
-    return Trajectory(
-        names=trajectory.names,
-        times=trajectory.times[rows],
-        positions=trajectory.positions[rows],
-        orientations=trajectory.orientations[rows],
-        velocities=trajectory.velocities[rows],
-        angular_velocities=trajectory.angular_velocities[rows],
-        active=trajectory.active[rows],
-    )
+def _sampled(trajectory: Trajectory, times: NDArray[np.float64]) -> Trajectory:
+    """The motion at other times (T,) [s]: centres of objects interpolated, all else as at the nearest sample."""
+    times = np.minimum(times, trajectory.times[-1])
+    near = np.array([int(np.argmin(np.abs(trajectory.times - time))) for time in times])
+    places = [positions_at(trajectory, column, times) for column in range(len(trajectory.names))]
+    return replace(trajectory.select(near), times=times, positions=np.stack(places, axis=1))
 
 
 def _centroid(mask: NDArray[np.bool_]) -> NDArray[np.float64]:

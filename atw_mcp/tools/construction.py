@@ -452,6 +452,8 @@ def _seconds_per_frame(case: Case, record: TrackRecord, given: float | None) -> 
     if record.source["kind"] == "imported":
         return rate, f"{rate:.6g} s per frame, from the imported tracks"
     source = "from the file's frame rate" if case.facts.get("frames_per_second") else "although the file states no rate"
+    if "clock" in case.facts:
+        source = "the mean by the file's time stamps, which every frame keeps"
     return rate, (
         f"{rate:.6g} s per frame, {source}: give seconds_per_frame, or fit it with FitWorld(fit_seconds_per_frame=true)"
     )

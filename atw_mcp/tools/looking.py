@@ -24,6 +24,7 @@ from atw_mcp.observation.observed_quantities import Quantity, observed_quantitie
 from atw_mcp.observation.observing import (
     chosen_image_observation,
     latest_image_observation,
+    moment_of,
     tracks_of_observation,
     video_file,
 )
@@ -157,12 +158,13 @@ def _frames_answer(
     drawn, rows = {}, []
     for frame, image in zip(request.frames, images, strict=True):
         canvas = Canvas.of(image, request.crop, request.zoom)
-        row: dict[str, Any] = {"frame": frame, "time": frame * frame_time}
+        time = moment_of(case, frame) * frame_time
+        row: dict[str, Any] = {"frame": frame, "time": time}
         if observation is not None and frame in observation.frames:
             row["objects"] = draw_observed(canvas, observation, names, frame, label=True)
         elif observation is not None:
             row["objects"] = None
-        canvas.write(f"frame {frame}   {frame * frame_time:.3f} s{clock}", (8, 16))
+        canvas.write(f"frame {frame}   {time:.3f} s{clock}", (8, 16))
         picture = canvas.image
         if view is not None:
             row["unexplained_px"] = int(view.unexplained(frame).sum())
@@ -186,7 +188,7 @@ def _frames_answer(
         case=case.id,
         observation=identifier or None,
         objects=tuple(names),
-        interval=(request.frames[0] * frame_time, request.frames[-1] * frame_time),
+        interval=(rows[0]["time"], rows[-1]["time"]),
         pictures=encoded(drawn),
     )
 
@@ -230,7 +232,13 @@ def inspect_observed_motion(
     tracks = record.tracks if record is not None and name in record.tracks.names else None
     covered = sorted({*(image.frames if image else ()), *(tracks.frames.tolist() if tracks else ())})
     clocked = None if tracks is None else at_rate(tracks, frame_time)
-    times = [f * frame_time if clocked is None else clocked.time_of(f) for f in covered]
+
+    def time_of(frame: int) -> float:
+        return moment_of(found, frame) * frame_time if clocked is None else clocked.time_of(frame)
+
+    times = [time_of(frame) for frame in covered]
+    if interval is None and frames is not None and frames[0] <= frames[1]:
+        interval, frames = [time_of(frames[0]), time_of(frames[1])], None
     span = chosen_span(
         interval,
         frames,

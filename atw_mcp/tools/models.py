@@ -14,6 +14,7 @@ from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.models import Limits, Prompt, available, find_model
 from atw_mcp.models.folders import how_to_add
 from atw_mcp.observation.model_runs import KnownObject, RunRequest, prepare
+from atw_mcp.observation.observing import shown_times
 from atw_mcp.results.models import ModelDepth, ModelList, ModelMasks, ModelMeshes, ModelPoints, ModelPoses
 from atw_mcp.tools.world_arguments import Argument, Patience, Pixel
 
@@ -96,7 +97,7 @@ def run_model(
             Limits.from_environment(),
             tuple(item.to_prompt() for item in prompts or []),
             tuple(KnownObject(item.name, item.size, item.mesh) for item in objects or []),
-            stride,
+            stride * shown_times(found),
             use,
         )
         prepared = prepare(app, found, request)

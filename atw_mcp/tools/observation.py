@@ -22,6 +22,7 @@ from atw_mcp.observation.observing import (
     keep_image_observation,
     latest_camera,
     motion_plane_of,
+    shown_times,
     video_file,
 )
 from atw_mcp.observation.shape_records import ShapeRecord, keep_shapes, latest_shapes, series_rows, shape_inputs
@@ -165,6 +166,7 @@ def observe_objects(
     found = app.case(case)
     with explained(f"OpenCase(video=PATH) or ImportObservation(case={found.id!r})"):
         path = video_file(app, found)
+    stride *= shown_times(found)
     if deformable is not None:
         if corrections is not None:
             raise ToolError("give corrections first, then deformable in another call: shapes follow from the masks")

@@ -62,7 +62,7 @@ def open_case(
                 app.store.cases.add_question(found.id, question)
         return _case_answer(app, found)
     with explained("OpenCase(video=PATH) with the path of a readable video, or data=PATH"):
-        path = app.files.file(video or data or "")
+        path = app.files.file(data or "") if video is None else app.files.film(video)
         facts = _video_facts(path) if video is not None else {"bytes": path.stat().st_size}
         found = cases.open_case(
             app.store,
@@ -119,7 +119,7 @@ def _case_answer(app: App, case: Case) -> Answer:
             "stage": stage,
             "kind": case.kind,
             "path": shown,
-            "facts": case.facts,
+            "facts": {k: v for k, v in case.facts.items() if k not in ("clock", "shown_times")},
             "questions": app.store.cases.questions(case.id),
             "observations": observations,
             "worlds": [{"world": w, "origin": o} for w, o in app.store.cases.worlds(case.id)],

@@ -123,7 +123,7 @@ def _of_record(read: CaseRecords, record: TrackRecord, frame: object, blocks: Bl
     """Return tracks in the time base of the world that models them; frame: from which on the fit did not see them."""
     world = read.modelled_by(record.id)
     tracks = record.tracks if world is None else at_rate(record.tracks, world.time.seconds_per_frame)
-    held_out = float(frame) * tracks.seconds_per_frame if isinstance(frame, int | float) else None
+    held_out = tracks.time_of(int(frame)) if isinstance(frame, int | float) else None
     return tracks_view(record.id, tracks, blocks, held_out_from=held_out)
 
 

@@ -1,6 +1,6 @@
 """The video of a case as browsers play it: the file itself where they can, else transcoded to WebM.
 
-Frame i of the film is the i-th frame that OpenCV decodes from the file, which is frame i of every observation.
+Frame i of the film is the i-th frame that decodes from the file, which is frame i of every observation.
 """
 
 from __future__ import annotations
@@ -12,9 +12,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from atw_mcp.cases.cases import content_hash
-from atw_mcp.perception.video import Coding, Frames, VideoError, coding, each_frame, existing_file
+from atw_mcp.cases.cases import path_hash
+from atw_mcp.perception.decoding import Coding, Frames, VideoError, coding, media_times
+from atw_mcp.perception.video import each_frame, existing_film
 from atw_mcp.viewer.document import Film, ViewDocument
 from atw_mcp.viewer.packing import Blocks
 from evidence_store import Case
@@ -26,9 +28,9 @@ MOST_PIXELS = 40e6  # of all transcoded frames: 2 s of encoding on one core, 8 s
 RATE = 25.0  # [1/s] of a transcoded film: a frame begins on a whole millisecond, the unit of WebM
 EVEN_START = 1e-3  # [s] players differ in what they show before a first frame that begins later
 
-MP4_CODECS = {"h264", "avc1", "avc3", "vp09", "VP90", "av01", "AV01"}
-WEBM_CODECS = {"VP80", "VP90", "vp09", "AV01", "av01"}
-PLAIN_PIXELS = "I420"  # 4:2:0, 8 bits: what decoders of every browser take
+MP4_CODECS = {"h264", "vp9", "av1"}
+WEBM_CODECS = {"vp8", "vp9", "av1"}
+PLAIN_PIXELS = "yuv420p"  # 4:2:0, 8 bits: what decoders of every browser take
 EBML = b"\x1a\x45\xdf\xa3"
 MATROSKA, WEBM = b"B\x82\x88matroska", b"B\x82\x88webm\0\0\0\0"  # the element that names the kind of file
 CLUSTER = b"\x1f\x43\xb6\x75"  # the element of Matroska that frames are in
@@ -63,24 +65,24 @@ def film(case: Case, path: Path, blocks: Blocks, covered: int = 0) -> tuple[Film
     path: where the file is now; covered: how many frames, from the first, worlds and observations cover (0: unknown),
     which are all that a long video is shown of where it is transcoded.
     """
-    if not path.is_file():
+    if not path.exists():
         where = "not where it was when the case was opened: OpenCase(video=PATH) with its new place continues the case"
         return None, f"The video is not shown: {path.name} is {where}."
     try:
-        file = existing_file(path)
-        if content_hash(file) != case.content:
+        file = existing_film(path)
+        if path_hash(file) != case.content:
             return None, f"The video is not shown: {file.name} has changed since the case was opened."
-        held = coding(file)
-        if not len(held.times):
+        held, times = coding(file), media_times(file)
+        if not len(times):
             raise VideoError(f"{file.name} holds no frame that decodes")
         first = next(each_frame(file))
         height, width = int(first.shape[0]), int(first.shape[1])
-        mime, why = _playable(file, held)
+        mime, why = _playable(file, held, times)
         if mime:
-            data, times = file.read_bytes(), held.times
+            data = file.read_bytes()
             note = "The video file itself."
         else:
-            data, times, note = _transcoded(file, (width, height), len(held.times), covered)
+            data, times, note = _transcoded(file, (width, height), len(times), covered)
             mime, note = 'video/webm; codecs="vp8"', f"{note}, because {why}."
     except (VideoError, OSError) as error:
         return None, f"The video is not shown: {str(error).replace(str(path), path.name)}."
@@ -97,8 +99,10 @@ def film(case: Case, path: Path, blocks: Blocks, covered: int = 0) -> tuple[Film
     return shown, ""
 
 
-def _playable(file: Path, held: Coding) -> tuple[str, str]:
+def _playable(file: Path, held: Coding, times: NDArray[np.float64]) -> tuple[str, str]:
     """The media type of a file that browsers play frame by frame, or "" and why they may not."""
+    if file.is_dir():
+        return "", "browsers do not play pictures of a folder"
     size = file.stat().st_size
     with file.open("rb") as content:
         head = content.read(64)
@@ -112,9 +116,9 @@ def _playable(file: Path, held: Coding) -> tuple[str, str]:
         return "", f"browsers do not play its codec, {held.codec}"
     if held.pixels != PLAIN_PIXELS:
         return "", f"not all browsers play its pixel format, {held.pixels}"
-    if held.declared != len(held.times):
-        return "", f"{len(held.times)} of the {held.declared} frames that it declares are decoded"
-    if abs(held.times[0]) > EVEN_START or np.any(np.diff(held.times) <= 0):
+    if held.declared not in (0, len(times)):
+        return "", f"{len(times)} of the {held.declared} frames that it declares are decoded"
+    if not abs(times[0]) <= EVEN_START or not np.all(np.diff(times) > 0):
         return "", "its frames do not begin at 0 s and follow one another in time"
     if size > MAX_BYTES:
         return "", f"it has {size / 1e6:.0f} MB"

@@ -92,7 +92,7 @@ class Views:
         if case.kind != "video":
             return _Film()
         try:
-            path = self._app.files.file(case.path)
+            path = self._app.files.film(case.path)
         except FileRefused as refused:  # it is gone, or in a folder that calls may not read
             return _Film(why_not=f"The video is not shown: {self._app.files.redacted(str(refused))}.")
         covered = max((world.frame_count for world in document.worlds), default=0)

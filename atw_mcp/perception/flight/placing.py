@@ -56,7 +56,7 @@ def with_flights(
     Raises PerceptionCancelled.
     """
     labels = [seen.label_image(frame) for frame in seen.frames]
-    times = np.asarray(seen.frames) * tracks.seconds_per_frame
+    times = tracks.times
     fixtures = {name: np.array(corners) for name, corners in about.fixtures.items()}
     surfaces = surfaces_of(about.floor, fixtures, SETTINGS.steepest)
     motions: dict[str, list[dict[str, Any]]] = {}

@@ -79,8 +79,8 @@ def test_frame_outside_the_video_names_the_range(clip: Clip) -> None:
 def test_too_many_frames_are_refused_with_a_way_out(tmp_path: Path) -> None:
     path = tmp_path / "long.avi"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (16, 16))
-    for _ in range(2001):
-        writer.write(np.zeros((16, 16, 3), dtype=np.uint8))
+    for k in range(2001):
+        writer.write(np.full((16, 16, 3), 10 * (k % 20), dtype=np.uint8))
     writer.release()
     with pytest.raises(VideoError, match="stride"):
         read_frames(path)

@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from atw_mcp.cases.cases import content_hash
-from atw_mcp.perception.video import coding, read_frames
+from atw_mcp.perception.decoding import media_times
+from atw_mcp.perception.video import read_frames
 from atw_mcp.viewer import film as films
 from atw_mcp.viewer.document import Film
 from atw_mcp.viewer.packing import Blocks
@@ -44,7 +45,7 @@ def written(path: Path, code: str, frames: list[NDArray[np.uint8]], rate: float 
 
 
 def made(path: Path, folder: Path, covered: int = 0) -> tuple[Film, NDArray[np.uint8], Path]:
-    """The film of a file, its frames as OpenCV decodes them, and the file it was written to."""
+    """The film of a file, its frames as they decode, and the file it was written to."""
     blocks = Blocks()
     film, why = films.film(case_of(path), path, blocks, covered)
     assert film is not None, why
@@ -52,7 +53,7 @@ def made(path: Path, folder: Path, covered: int = 0) -> tuple[Film, NDArray[np.u
     out = folder / "film"
     out.write_bytes(blocks.joined()[film.data.offset : film.data.offset + film.data.shape[0]])
     times = np.frombuffer(blocks.joined(), "<f4", film.frame_count, film.media_times.offset)
-    assert times == pytest.approx(coding(out).times, abs=1e-4)
+    assert times == pytest.approx(media_times(out), abs=1e-4)
     return film, read_frames(out), out
 
 
@@ -66,7 +67,7 @@ def test_transcoded_frames_are_the_originals_in_order(tmp_path: Path) -> None:
     originals = read_frames(source)
     assert film.mime.startswith("video/webm")
     assert b"webm" in out.read_bytes()[:64]
-    assert "FMP4" in film.note
+    assert "mpeg4" in film.note
     assert [nearest(frame, originals) for frame in frames] == list(range(COUNT))
     errors = ((frames.astype(float) - originals) ** 2).mean(axis=(1, 2, 3))
     assert errors.max() < 255.0**2 / 1e3  # 30 dB: compression artefacts are hardly seen
@@ -91,7 +92,7 @@ def test_file_that_browsers_play_is_passed_on_with_its_own_frame_times(tmp_path:
     film, frames, out = made(source, tmp_path)
     assert out.read_bytes() == source.read_bytes()
     assert len(frames) == film.frame_count == COUNT
-    assert coding(out).times[4:7] == pytest.approx([0.16, 0.215, 0.24])
+    assert media_times(out)[4:7] == pytest.approx([0.16, 0.215, 0.24])
 
 
 def test_long_video_is_cut_to_what_is_covered_and_reduced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
