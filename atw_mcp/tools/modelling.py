@@ -164,7 +164,7 @@ def model_video_tool(
 
 
 class _Facts(Argument):
-    """What is known of a film, which a next call need not repeat."""
+    """Facts of a film that a next call need not repeat."""
 
     objects: list[KnownObject] | None = None
     seconds_per_frame: float | None = None

@@ -47,7 +47,8 @@ def test_a_thrown_ball_is_followed_through_the_air_and_its_rebound_is_found(tmp_
     data = made["data"]
     assert data["verdict"].startswith("follows")
     built = next(step for step in data["steps"] if step["tool"] == "BuildWorld")
-    assert any("ball leaves the floor (in free flight in frames 0.." in text for text in built["assumed"])
+    assumed = session("ReadEvidence", evidence=built["evidence"])["data"]["assumed"]
+    assert any("ball leaves the floor (in free flight in frames 0.." in text for text in assumed)
     session("CommitWorld", case=made["case"], world=data["world"])
     rolled = session("Rollout", case=made["case"], horizon_frames=29)["data"]
     (row,) = rolled["objects"]
