@@ -11,10 +11,11 @@ import sys
 import tempfile
 import xml.etree.ElementTree as ET
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 
-from polyworld.exchange import import_confined
+from polyworld.exchange import Imported, import_confined
 
 SECONDS, MEMORY = 10.0, 1_000_000_000
 NUMBERS = ("0", "-1", "0.1", "1", "3", "1000", "1e9", "1e308", "-1e-320", "nan", "inf", "", "x", "99999999999999999999")
@@ -93,7 +94,7 @@ def write(folder: Path, seed: int) -> Path:
     return path
 
 
-def outcome(path: Path) -> str:
+def outcome(path: Path, importer: Callable[..., Imported] = import_confined) -> str:
     """Import a file that may read no other; returns how that ended: "read" or the first words of why not."""
 
     def read(other: Path) -> bytes:
@@ -102,7 +103,7 @@ def outcome(path: Path) -> str:
         return other.read_bytes()
 
     try:
-        import_confined(path, read=read)
+        importer(path, read=read)
     except ValueError as error:
         return str(error).replace(path.name, "it")[:60].split("\n")[0]
     return "read"

