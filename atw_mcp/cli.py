@@ -30,11 +30,10 @@ from atw_mcp.printing import print_reply, tool_line
 from atw_mcp.replies import ServerLost
 from atw_mcp.script import ScriptError, read_arguments, read_script, split_pairs
 from atw_mcp.shell import HELP
-from atw_mcp.store_option import add_store
+from atw_mcp.store_option import PICTURES, add_store, pictures_of
 from atw_mcp.tools import manifest
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
-PICTURES = Path("atw-pictures")
 
 
 SCRIPT_HELP = """\
@@ -181,9 +180,8 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument(
             "--pictures",
             type=Path,
-            default=PICTURES,
             metavar="FOLDER",
-            help="where to write pictures (default: %(default)s)",
+            help=f"where to write pictures (default: a folder of the store's own in {PICTURES})",
         )
 
     gap_command.add_parser(commands)
@@ -252,7 +250,7 @@ def _tools(options: argparse.Namespace) -> int:
 def _call(options: argparse.Namespace) -> int:
     pairs = split_pairs(options.pairs)
     arguments = read_arguments(pairs, manifest.schemas(), options.tool)
-    show = partial(print_reply, indent=options.indent, pictures=options.pictures)
+    show = partial(print_reply, indent=options.indent, pictures=options.pictures or pictures_of(options.store))
     with server_process.started(options.store, allowed_here(options.allow, pairs)) as server:
         from atw_mcp.sessions import call_tool
 
@@ -263,7 +261,7 @@ def _run(options: argparse.Namespace) -> int:
     steps = read_script(options.script)
     pairs, folder = split_pairs(options.pairs), options.script.absolute().parent
     variables = {"folder": str(folder), **pairs}
-    show = partial(print_reply, indent=options.indent, pictures=options.pictures)
+    show = partial(print_reply, indent=options.indent, pictures=options.pictures or pictures_of(options.store))
     with server_process.started(options.store, allowed_here(options.allow, pairs, folder)) as server:
         from atw_mcp.sessions import call_steps
 
@@ -274,7 +272,7 @@ def _shell(options: argparse.Namespace) -> int:
     pairs = split_pairs(options.pairs)
     known = {"folder": str(Path.cwd()), **pairs}
     allow = allowed_here(options.allow, pairs)
-    show = partial(print_reply, indent=options.indent, pictures=options.pictures)
+    show = partial(print_reply, indent=options.indent, pictures=options.pictures or pictures_of(options.store))
     with server_process.started(options.store, allow) as server:
         from atw_mcp.sessions import call_lines
 

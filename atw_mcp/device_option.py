@@ -14,7 +14,8 @@ def add_device(parser: argparse.ArgumentParser) -> None:
         "--device",
         action=_Choose,
         metavar="DEVICE",
-        help="where rigid bodies and liquids are simulated: cpu (the default), cuda, ...; other worlds stay on the CPU",
+        help="where rigid bodies are simulated: cpu (the default), cuda, ...; worlds with liquids, ropes, cloth or "
+        "soft bodies stay on the CPU",
     )
 
 
@@ -25,12 +26,14 @@ class _Choose(argparse.Action):
         self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, *_: object
     ) -> None:
         name = str(values)
+        before = os.environ.get(VARIABLE, "cpu")
+        os.environ[VARIABLE] = name  # read as the engine is imported, which then says whether there is a driver
         if name != "cpu":
-            from polyworld.core import buffers
-
             try:
+                from polyworld.core import buffers
+
                 buffers.use_device(name)
             except ValueError as error:
+                os.environ[VARIABLE] = before
                 parser.error(str(error))
-        os.environ[VARIABLE] = name
         namespace.device = name

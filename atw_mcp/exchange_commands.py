@@ -35,12 +35,12 @@ def add_parser(commands: Any) -> None:
 
 
 def _import(options: argparse.Namespace) -> int:
-    from polyworld.exchange import import_world
+    from polyworld.exchange import import_confined
 
     keyframe = options.keyframe
     try:
         number = int(keyframe) if (keyframe or "").isdigit() else keyframe
-        found = import_world(options.file, keyframe=number, floating=options.floating)
+        found = import_confined(options.file, keyframe=number, floating=options.floating)
     except (ImportError, OSError, ValueError) as error:
         return _failed(error)
     print(found.world.canonical_json())

@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-NO_GPU = "Warp CUDA warning:"  # Warp's native code writes it whatever the log level
 LEAVE = 5.0  # [s] for a server whose client has left: it stops its work and closes its store
 TERMINATE = 2.0  # [s] from SIGTERM to SIGKILL
 
@@ -87,8 +86,7 @@ def started(store: Path | None, allow: Iterable[Path] = ()) -> Iterator[ServerPr
 
 
 def forward_errors(lines: Iterable[str]) -> None:
-    """Copy lines to stderr, except warnings that the machine has no GPU: none is needed."""
+    """Copy lines to stderr as they come."""
     for line in lines:
-        if not line.startswith(NO_GPU):
-            sys.stderr.write(line)
-            sys.stderr.flush()
+        sys.stderr.write(line)
+        sys.stderr.flush()

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 from pathlib import Path
+
+PICTURES = Path("atw-pictures")
 
 
 def add_store(parser: argparse.ArgumentParser) -> None:
@@ -20,3 +23,11 @@ def chosen_store(options: argparse.Namespace) -> Path:
     from atw_mcp.server import default_store  # imports every tool: only where its answer is wanted
 
     return default_store()
+
+
+def pictures_of(store: Path | None) -> Path:
+    """Return where the pictures of a store, default the user's own, are written: every store has an ev-1."""
+    if store is None:
+        return PICTURES / "user"
+    path = store.expanduser().resolve()
+    return PICTURES / f"{path.stem}-{hashlib.sha256(str(path).encode()).hexdigest()[:6]}"

@@ -15,7 +15,7 @@ from mcp_types import INTERNAL_ERROR
 
 from atw_mcp.calls.error_curve import ErrorCurve
 from atw_mcp.calls.error_text import shortened
-from atw_mcp.calls.limits import DEFAULT, Limits
+from atw_mcp.calls.limits import DEFAULT, Limits, releasing
 from atw_mcp.calls.results import Answer
 from evidence_store import Evidence, EvidenceStore, StoreError
 
@@ -192,7 +192,7 @@ class JobRunner:
         assert progress is not None
         unanswered: dict[str, object] | None = None
         try:
-            with progress.interruption.active():
+            with progress.interruption.active(), releasing():
                 answer = work.work(progress)
             done = answer.to_evidence(record.tool, record.arguments)
             ended = replace(done, id=record.id, case=record.case)

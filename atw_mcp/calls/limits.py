@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 VARIABLE = "ATW_MCP_LIMITS"
+_C = None if sys.platform == "win32" else ctypes.CDLL(None)
 UNKNOWN_MEMORY = 8_000_000_000  # bytes of the machine where the system does not say
 
 
@@ -100,6 +104,20 @@ def resident_bytes() -> int | None:
             return int(facts.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:
         return None if sys.platform == "win32" else _most_resident_bytes()
+
+
+@contextmanager
+def releasing() -> Iterator[None]:
+    """Give memory that was freed in the context back to the system.
+
+    glibc keeps freed blocks of up to 32 MB, such as frames, for the next ones: gigabytes after a film.
+    """
+    try:
+        yield
+    finally:
+        trim = getattr(_C, "malloc_trim", None)  # of glibc; others give large blocks back at once
+        if trim is not None:
+            trim(0)
 
 
 def _most_resident_bytes() -> int:

@@ -26,6 +26,7 @@ from atw_mcp.calls.app import App
 from atw_mcp.calls.apps import SHOWN_WITH
 from atw_mcp.calls.following import follow
 from atw_mcp.calls.jobs import LongWork, RunningJob
+from atw_mcp.calls.limits import releasing
 from atw_mcp.calls.result_schemas import referenced_schema, report_mismatch, result_schema
 from atw_mcp.calls.results import Answer, to_result, validation_text
 from atw_mcp.calls.roots import allow_roots
@@ -62,7 +63,7 @@ class WorldTool(Tool):
         if self.files or not app.files.roots_known:
             await allow_roots(app, context)
         try:
-            outcome = await anyio.to_thread.run_sync(lambda: self.fn(app, **checked))
+            outcome = await anyio.to_thread.run_sync(self._call, app, checked)
             if isinstance(outcome, CallToolResult):
                 return outcome
             if isinstance(outcome, Waiting):
@@ -82,6 +83,10 @@ class WorldTool(Tool):
                 f"{self.name} failed unexpectedly ({type(error).__name__}); the server's log has the details. "
                 "Other tools still work, and ReadEvidence returns earlier results."
             ) from error
+
+    def _call(self, app: App, checked: dict[str, Any]) -> Any:
+        with releasing():
+            return self.fn(app, **checked)
 
     def _compare(self, answer: Answer) -> Answer:
         """Return the answer, having logged where its data is not as declared."""

@@ -46,6 +46,7 @@ from polyworld.world import Effect, MotionPlane, StaticObject, TimeBase, World
 from polyworld.world.shapes import Box, Cylinder, Plane, Sphere, TriangleMesh, Wall
 
 GROUP = ToolGroup("world construction")
+DIVIDING = "dividing soft bodies into elements"
 OBJECTS_EXAMPLE = [
     {
         "name": "red",
@@ -238,17 +239,16 @@ def _built(
     if not long:
         return _build(app, case, request, record)
     key = f"build {case.id} {None if record is None else record.id} {request!r}"
-    return _divided(case, key, patience, lambda: _build(app, case, request, record))
+    return _long(case, key, patience, DIVIDING, lambda: _build(app, case, request, record))
 
 
-def _divided(case: Case, key: str, patience: float, build: Callable[[], Answer]) -> LongWork:
+def _long(case: Case, key: str, patience: float, doing: str, build: Callable[[], Answer]) -> LongWork:
     def work(progress: Progress) -> Answer:
-        progress.note(0.0, 1.0, "dividing soft bodies into elements")
+        progress.note(0.0, 1.0, doing)
         with explained():
             return build()
 
-    draft = Answer(summary="dividing soft bodies into elements", data={}, case=case.id)
-    return LongWork(key=key, work=work, draft=draft, patience=patience)
+    return LongWork(key=key, work=work, draft=Answer(summary=doing, data={}, case=case.id), patience=patience)
 
 
 @dataclass(frozen=True)
@@ -369,15 +369,24 @@ def _in_the_air(record: TrackRecord, built: Built) -> list[str]:
 
 
 def _from_document(app: App, case: Case, document: dict[str, Any] | str, patience: float) -> Answer | LongWork:
+    if isinstance(document, str):
+        with explained():
+            key = f"build {case.id} {app.files.file(document)}"
+        return _long(case, key, patience, "reading a world", lambda: _from_file(app, case, document))
     with explained("DescribeTool(tool='BuildWorld', argument='world') gives the schema of a world"):
-        left_out: tuple[str, ...] = ()
-        if isinstance(document, str):
-            made, left_out = world_of_file(app.files, document)
-        else:
-            made = World.model_validate(document)
+        made = World.model_validate(document)
         check_sizes(made, app.limits)
     if takes_long(made.deformables):
-        return _divided(case, f"build {case.id} {made.id}", patience, lambda: _kept_document(app, case, made, left_out))
+        return _long(
+            case, f"build {case.id} {made.id}", patience, DIVIDING, lambda: _kept_document(app, case, made, ())
+        )
+    return _kept_document(app, case, made, ())
+
+
+def _from_file(app: App, case: Case, path: str) -> Answer:
+    with explained("DescribeTool(tool='BuildWorld', argument='world') gives the schema of a world"):
+        made, left_out = world_of_file(app.files, path)
+        check_sizes(made, app.limits)
     return _kept_document(app, case, made, left_out)
 
 

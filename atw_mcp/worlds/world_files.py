@@ -16,19 +16,15 @@ def world_of_file(files: AllowedFiles, path: str) -> tuple[World, tuple[str, ...
     found = files.file(path)
     if found.suffix.lower() == ".json":
         return World.model_validate_json(_content(files, found)), ()
-    from polyworld.exchange import import_world
+    from polyworld.exchange import import_confined
 
     try:
-        if found.suffix.lower().startswith(".usd"):
-            with files.opened(str(found)) as view:
-                read = import_world(view, read=lambda other: _content(files, other))
-        else:
-            read = import_world(found, read=lambda other: _content(files, other))
+        read = import_confined(found, read=lambda other: _content(files, other))
     except ImportError as error:
         raise ValueError(str(error)) from error
     return read.world, read.left_out
 
 
 def _content(files: AllowedFiles, path: Path) -> bytes:
-    with files.opened(str(path)) as view:
+    with files.opened(str(path), "text_bytes") as view:
         return view.read_bytes()

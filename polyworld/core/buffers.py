@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
@@ -18,15 +18,16 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from polyworld.core import warp_settings  # noqa: F401 before anything is launched
 from polyworld.core.capture_lock import CaptureLock
 from polyworld.core.compile_lock import one_process_at_a_time
+from polyworld.core.warp_settings import without_driver_warning
 
 Shape = int | tuple[int, ...]
 LOCK = CaptureLock()
 THREADS_PER_BLOCK = 256  # Warp's default on CUDA
 VARIABLE = "POLYWORLD_DEVICE"  # of the environment: the device to begin with
-_chosen: Any = wp.get_device("cpu")
+with without_driver_warning() if os.environ.get(VARIABLE, "cpu") == "cpu" else nullcontext():
+    _chosen: Any = wp.get_device("cpu")  # starts Warp
 _OVERRIDE: ContextVar[Any] = ContextVar("device", default=None)
 
 

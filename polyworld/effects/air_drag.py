@@ -5,7 +5,7 @@ import warp as wp
 
 from polyworld.effects.absence import Absence, Way, strength
 from polyworld.effects.conditions import AIR, Conditions, unequal
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, passive, wrench
 
 
 @wp.func
@@ -27,6 +27,7 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Batchelor, An Introduction to Fluid Dynamics, 5.11; R is that of the ball of equal volume",
+    work=passive,
     falling=True,
 )
 

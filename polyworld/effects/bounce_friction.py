@@ -4,7 +4,7 @@ import warp as wp
 
 from polyworld.effects.absence import Absence, Way, strength
 from polyworld.effects.conditions import Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
+from polyworld.effects.law import EffectLaw, EffectParameter, Vec8, passive
 
 
 @wp.func
@@ -20,6 +20,7 @@ LAW = EffectLaw(
     },
     tangential=tangential,
     reference="Brody (1984), Phys. Teach. 22, 494: so a bounce with sliding does at one angle; here at all",
+    work=passive,
     isotropic=True,
     falling=True,
 )

@@ -5,11 +5,13 @@ fluid too): an impact with the same restitution gives the same rebound, but fric
 factor 1 + C r, and sticks at another speed. For a ball in air that is less than a part in a hundred.
 """
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from polyworld.effects.absence import Absence, FreeParameter, Way
 from polyworld.effects.conditions import SHARE, Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import Course, EffectLaw, EffectParameter, Motion, Parameters, Vec8, wrench
 
 
 @wp.func
@@ -17,6 +19,13 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
     r = p[0]
     lost = r * (wp.float64(1.0) + p[1]) / (wp.float64(1.0) + p[1] * r)  # of the weight
     return wrench(-b.mass * lost * b.gravity, wp.vec3d())
+
+
+def work(p: Parameters, course: Course) -> NDArray[np.float64]:
+    """Return that of the weight which is lost, along the way."""
+    r = p["density_ratio"]
+    lost = r * (1.0 + p["added_mass_coefficient"]) / (1.0 + p["added_mass_coefficient"] * r)
+    return course.mass * course.gravity * lost * course.path
 
 
 LAW = EffectLaw(
@@ -31,6 +40,7 @@ LAW = EffectLaw(
     force=force,
     per_mass=True,
     reference="Batchelor, An Introduction to Fluid Dynamics, 6.8; exact while gravity is the only other force",
+    work=work,
     isotropic=True,
 )
 

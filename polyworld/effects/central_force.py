@@ -1,10 +1,12 @@
 """Attraction by a fixed point, a power of the distance."""
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from polyworld.effects.absence import Absence, FreeParameter, Way, coordinates, somewhere
 from polyworld.effects.conditions import Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import Course, EffectLaw, EffectParameter, Motion, Parameters, Vec8, size, wrench
 
 _CENTRE = EffectParameter("m", -1e6, 1e6, (-2.0, 2.0), 0.0, "coordinate of the centre along this world axis")
 
@@ -14,6 +16,12 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
     arm = b.x - wp.vec3d(p[0], p[1], p[2])
     r = wp.sqrt(wp.dot(arm, arm) + p[5] * p[5])
     return wrench(-p[3] * wp.pow(r, p[4] - wp.float64(1.0)) * arm, wp.vec3d())
+
+
+def work(p: Parameters, course: Course) -> NDArray[np.float64]:
+    """Return that of the force where it is largest: furthest from the centre or, as it falls, in the softened core."""
+    far = course.reach + size(p, "centre_") + p["softening"]
+    return abs(p["strength"]) * max(far ** p["exponent"], p["softening"] ** p["exponent"]) * course.path
 
 
 LAW = EffectLaw(
@@ -31,6 +39,7 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Newton, Principia I, prop. 10 and 11; softened as by Plummer (1911), Mon. Not. R. Astron. Soc. 71, 460",
+    work=work,
 )
 
 

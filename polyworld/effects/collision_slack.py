@@ -1,8 +1,10 @@
 """An impulse that a collision exchanged beyond what its impact law says, as one short pulse."""
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import Course, EffectLaw, EffectParameter, Motion, Parameters, Vec8, size, wrench
 
 _LINEAR = EffectParameter("N s", -1e6, 1e6, (-1.0, 1.0), 0.0, "impulse along this world axis")
 _ANGULAR = EffectParameter("N m s", -1e6, 1e6, (-0.1, 0.1), 0.0, "angular impulse about this world axis")
@@ -18,6 +20,12 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
     return wrench(size * wp.vec3d(p[0], p[1], p[2]), size * wp.vec3d(p[3], p[4], p[5]))
 
 
+def work(p: Parameters, course: Course) -> NDArray[np.float64]:
+    """Return that of the impulses at the highest speeds."""
+    most = size(p, "impulse_") * course.speed + size(p, "turn_") * course.spin
+    return np.full(len(course.path), most)
+
+
 LAW = EffectLaw(
     kind="collision_slack",
     summary="F = J (1 - cos(2 pi (t - time) / duration)) / duration, from time to time + duration; torque likewise",
@@ -29,4 +37,5 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Stronge, Impact Mechanics (2018), ch. 1: rigid impact laws leave out what the contact's course decides",
+    work=work,
 )

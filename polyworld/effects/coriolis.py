@@ -4,7 +4,7 @@ import warp as wp
 
 from polyworld.effects.absence import Absence, Way, along, strength
 from polyworld.effects.conditions import SHARE, Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, passive, wrench
 
 _AXIS = EffectParameter("rad/s", -1e3, 1e3, (-2.0, 2.0), 0.0, "angular velocity of the frame about this world axis")
 
@@ -21,6 +21,7 @@ LAW = EffectLaw(
     force=force,
     per_mass=True,
     reference="Landau & Lifshitz, Mechanics, 39; the centrifugal force, of second order in Omega, is left out",
+    work=passive,
     falling=True,
 )
 

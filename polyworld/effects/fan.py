@@ -1,10 +1,12 @@
 """A local jet: a constant force that fades as a Gaussian with the distance from its centre."""
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from polyworld.effects.absence import Absence, FreeParameter, Way, along, coordinates, somewhere
 from polyworld.effects.conditions import Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import Course, EffectLaw, EffectParameter, Motion, Parameters, Vec8, size, wrench
 
 _FORCE = EffectParameter("N", -1e6, 1e6, (-2.0, 2.0), 0.0, "force at the centre along this world axis")
 _CENTRE = EffectParameter("m", -1e6, 1e6, (-2.0, 2.0), 0.0, "coordinate of the centre along this world axis")
@@ -15,6 +17,11 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
     apart = b.x - wp.vec3d(p[3], p[4], p[5])
     share = wp.exp(-wp.dot(apart, apart) / (wp.float64(2.0) * p[6] * p[6]))
     return wrench(share * wp.vec3d(p[0], p[1], p[2]), wp.vec3d())
+
+
+def work(p: Parameters, course: Course) -> NDArray[np.float64]:
+    """Return that of the force at the centre."""
+    return size(p, "force_") * course.path
 
 
 LAW = EffectLaw(
@@ -31,6 +38,7 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Pope, Turbulent Flows, 5.1: the mean velocity across a turbulent jet is close to a Gaussian",
+    work=work,
 )
 
 

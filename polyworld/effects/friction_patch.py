@@ -8,7 +8,7 @@ import warp as wp
 
 from polyworld.effects.absence import Absence, FreeParameter, Way, coordinates, somewhere
 from polyworld.effects.conditions import Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
+from polyworld.effects.law import EffectLaw, EffectParameter, Vec8, passive
 
 ALONG = wp.float64(1.0e-12)  # way [m] that counts as none
 
@@ -50,6 +50,7 @@ LAW = EffectLaw(
     },
     friction=friction,
     reference="Coulomb (1785), with a coefficient that depends on the place",
+    work=passive,
     falling=True,
 )
 

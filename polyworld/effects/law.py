@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 MAX_PARAMETERS = 8
 
@@ -39,6 +42,36 @@ def wrench(force: wp.vec3d, torque: wp.vec3d) -> wp.spatial_vectord:
 
 
 @dataclass(frozen=True)
+class Course:
+    """How an object has moved by each of T samples, as far as it bounds the work of a law on it.
+
+    mass [kg]; gravity: its size [m/s^2]; path (T,): length of the way [m]; reach: largest distance from the origin
+    [m]; speed, spin: the highest [m/s], [rad/s].
+    """
+
+    mass: float
+    gravity: float
+    path: NDArray[np.float64]
+    reach: float
+    speed: float
+    spin: float
+
+
+Parameters = Mapping[str, float]
+Work = Callable[[Parameters, Course], NDArray[np.float64]]
+
+
+def passive(p: Parameters, course: Course) -> NDArray[np.float64]:
+    """Return the work (T,) of a law that only takes energy, or does no work: none."""
+    return np.zeros(len(course.path))
+
+
+def size(p: Parameters, prefix: str = "") -> float:
+    """Return the sum of the sizes of the three components of a parameter, at least the length of the vector."""
+    return sum(abs(p[f"{prefix}{axis}"]) for axis in "xyz")
+
+
+@dataclass(frozen=True)
 class EffectParameter:
     """A number of a law: unit, admissible range, the range a fit searches, default, and what it means."""
 
@@ -54,6 +87,8 @@ class EffectParameter:
 class EffectLaw:
     """A law on bodies: a force, a change of what happens at contacts, or both.
 
+    work: the most work (T,) that it can have done on an object by each sample [J], `passive` where it only takes
+    energy, None where its work has no bound (a driving law); energy from elsewhere is found by it.
     Warp functions, None where the law has no such part:
     `force` (p: Vec8, b: Motion) -> spatial_vectord: force [N] and torque [N m] about the centre of mass, world axes.
     `friction` (p: Vec8, mu: float64, x: vec3d, way: vec3d) -> float64: the Coulomb coefficient that would be mu of a
@@ -72,6 +107,7 @@ class EffectLaw:
     summary: str
     parameters: dict[str, EffectParameter]
     reference: str
+    work: Work | None
     force: Any = None
     friction: Any = None
     restitution: Any = None

@@ -4,7 +4,7 @@ import warp as wp
 
 from polyworld.effects.absence import Absence, Way, strength
 from polyworld.effects.conditions import Conditions, unequal
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, passive, wrench
 
 
 @wp.func
@@ -18,6 +18,7 @@ LAW = EffectLaw(
     parameters={"coefficient": EffectParameter("kg/s", 0.0, 1e6, (0.0, 2.0), 0.0, "drag force per speed")},
     force=force,
     reference="Stokes (1851); c = 6 pi eta R for a ball",
+    work=passive,
     isotropic=True,
     falling=True,
 )

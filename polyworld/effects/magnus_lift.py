@@ -5,7 +5,7 @@ import warp as wp
 
 from polyworld.effects.absence import Absence, Way, strength
 from polyworld.effects.conditions import AIR, Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, passive, wrench
 
 
 @wp.func
@@ -19,6 +19,7 @@ LAW = EffectLaw(
     parameters={"coefficient": EffectParameter("kg", -1e6, 1e6, (-0.1, 0.1), 0.0, "lift per spin and speed")},
     force=force,
     reference="Rubinow & Keller (1961), J. Fluid Mech. 11, 447; s = pi rho R^3 for slow flow past a ball",
+    work=passive,
     isotropic=True,
     falling=True,
 )

@@ -2,10 +2,11 @@
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from polyworld.effects.absence import MOST_FREQUENCIES, Absence, FreeParameter, Way, along
 from polyworld.effects.conditions import SHARE, Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import Course, EffectLaw, EffectParameter, Motion, Parameters, Vec8, size, wrench
 
 _AXIS = EffectParameter("m/s^2", -1e4, 1e4, (-2.0, 2.0), 0.0, "amplitude of the acceleration along this world axis")
 
@@ -14,6 +15,11 @@ _AXIS = EffectParameter("m/s^2", -1e4, 1e4, (-2.0, 2.0), 0.0, "amplitude of the 
 def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
     wave = wp.sin(wp.float64(2.0 * wp.pi) * p[3] * b.t + p[4])
     return wrench(b.mass * wave * wp.vec3d(p[0], p[1], p[2]), wp.vec3d())
+
+
+def work(p: Parameters, course: Course) -> NDArray[np.float64]:
+    """Return that of the amplitude."""
+    return course.mass * size(p, "amplitude_") * course.path
 
 
 LAW = EffectLaw(
@@ -29,6 +35,7 @@ LAW = EffectLaw(
     force=force,
     per_mass=True,
     reference="Landau & Lifshitz, Mechanics, 22 and 39",
+    work=work,
 )
 
 

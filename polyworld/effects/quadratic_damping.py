@@ -4,7 +4,7 @@ import warp as wp
 
 from polyworld.effects.absence import Absence, Way, strength
 from polyworld.effects.conditions import Conditions, unequal
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, passive, wrench
 
 
 @wp.func
@@ -19,6 +19,7 @@ LAW = EffectLaw(
     force=force,
     per_mass=True,
     reference="Newton, Principia II, prop. 5: resistance as the squared speed; here per mass, as damping is",
+    work=passive,
     isotropic=True,
     falling=True,
 )

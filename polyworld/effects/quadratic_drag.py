@@ -4,7 +4,7 @@ import warp as wp
 
 from polyworld.effects.absence import Absence, Way, strength
 from polyworld.effects.conditions import Conditions, unequal
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, passive, wrench
 
 
 @wp.func
@@ -18,6 +18,7 @@ LAW = EffectLaw(
     parameters={"coefficient": EffectParameter("kg/m", 0.0, 1e6, (0.0, 1.0), 0.0, "drag force per squared speed")},
     force=force,
     reference="Newton, Principia II; Batchelor, An Introduction to Fluid Dynamics, 5.11",
+    work=passive,
     isotropic=True,
     falling=True,
 )

@@ -4,7 +4,7 @@ import warp as wp
 
 from polyworld.effects.absence import Absence, Way, strength
 from polyworld.effects.conditions import Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
+from polyworld.effects.law import EffectLaw, EffectParameter, Vec8, passive
 
 
 @wp.func
@@ -20,6 +20,7 @@ LAW = EffectLaw(
     },
     restitution=restitution,
     reference="Hunt & Crossley (1975), J. Appl. Mech. 42, 440, to first order in the speed: e = 1 - k v where e0 is 1",
+    work=passive,
     isotropic=True,
     falling=True,
 )

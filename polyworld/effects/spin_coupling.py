@@ -4,7 +4,7 @@ import warp as wp
 
 from polyworld.effects.absence import Absence, FreeParameter, Way
 from polyworld.effects.conditions import Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Vec8
+from polyworld.effects.law import EffectLaw, EffectParameter, Vec8, passive
 
 
 @wp.func
@@ -25,6 +25,7 @@ LAW = EffectLaw(
     },
     tangential=tangential,
     reference="Garwin (1969), Am. J. Phys. 37, 88; Cross (2002), Am. J. Phys. 70, 1093",
+    work=passive,
     isotropic=True,
     falling=True,
 )

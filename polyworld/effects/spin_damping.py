@@ -4,7 +4,7 @@ import warp as wp
 
 from polyworld.effects.absence import Absence, Way, strength
 from polyworld.effects.conditions import Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, passive, wrench
 
 
 @wp.func
@@ -18,6 +18,7 @@ LAW = EffectLaw(
     parameters={"coefficient": EffectParameter("kg m^2/s", 0.0, 1e6, (0.0, 0.01), 0.0, "torque per angular velocity")},
     force=force,
     reference="Landau & Lifshitz, Fluid Mechanics, 20; c = 8 pi eta R^3 for a ball in slow flow",
+    work=passive,
     isotropic=True,
     falling=True,
 )

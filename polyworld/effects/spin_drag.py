@@ -4,7 +4,7 @@ import warp as wp
 
 from polyworld.effects.absence import Absence, Way, strength
 from polyworld.effects.conditions import Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, passive, wrench
 
 
 @wp.func
@@ -20,6 +20,7 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Sawatzki (1970), Acta Mech. 9, 159: a ball that turns fast, k = C_M rho R^5 / 2",
+    work=passive,
     isotropic=True,
     falling=True,
 )

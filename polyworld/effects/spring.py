@@ -1,10 +1,12 @@
 """A spring with a damper, from a fixed anchor to the centre of mass."""
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from polyworld.effects.absence import Absence, FreeParameter, Way, coordinates, somewhere
 from polyworld.effects.conditions import Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import Course, EffectLaw, EffectParameter, Motion, Parameters, Vec8, size, wrench
 
 _ANCHOR = EffectParameter("m", -1e6, 1e6, (-2.0, 2.0), 0.0, "coordinate of the anchor along this world axis")
 NOWHERE = wp.constant(wp.float64(1.0e-12))  # distance from the anchor [m]
@@ -21,6 +23,11 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
     return wrench(-tension * along, wp.vec3d())
 
 
+def work(p: Parameters, course: Course) -> NDArray[np.float64]:
+    """Return that of the largest stretch, or compression, that there is within reach."""
+    return p["stiffness"] * (course.reach + size(p, "anchor_") + p["rest_length"]) * course.path
+
+
 LAW = EffectLaw(
     kind="spring",
     summary="F = -(k (r - L) + d dr/dt) away from the anchor",
@@ -34,6 +41,7 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Hooke (1678), De potentia restitutiva; Landau & Lifshitz, Mechanics, 21 and 25",
+    work=work,
 )
 
 

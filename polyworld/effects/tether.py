@@ -2,10 +2,11 @@
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from polyworld.effects.absence import Absence, FreeParameter, Way, coordinates, somewhere
 from polyworld.effects.conditions import FAR, Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import Course, EffectLaw, EffectParameter, Motion, Parameters, Vec8, size, wrench
 
 _ANCHOR = EffectParameter("m", -1e6, 1e6, (-2.0, 2.0), 0.0, "coordinate of the anchor along this world axis")
 
@@ -21,6 +22,11 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
     return wrench(-tension * along, wp.vec3d())
 
 
+def work(p: Parameters, course: Course) -> NDArray[np.float64]:
+    """Return that of the largest stretch that there is within reach."""
+    return p["stiffness"] * (course.reach + size(p, "anchor_")) * course.path
+
+
 LAW = EffectLaw(
     kind="tether",
     summary="F = -max(0, k (r - L) + d dr/dt) away from the anchor where r > L",
@@ -34,6 +40,7 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Hooke (1678), De potentia restitutiva; a cord bears no compression",
+    work=work,
 )
 
 

@@ -2,10 +2,11 @@
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from polyworld.effects.absence import Absence, Way, along, strength
 from polyworld.effects.conditions import SHARE, Conditions, unequal
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import Course, EffectLaw, EffectParameter, Motion, Parameters, Vec8, size, wrench
 
 _AXIS = EffectParameter("m/s^2", -1e4, 1e4, (-2.0, 2.0), 0.0, "acceleration along this world axis")
 
@@ -15,6 +16,11 @@ def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
     return wrench(b.mass * wp.vec3d(p[0], p[1], p[2]), wp.vec3d())
 
 
+def work(p: Parameters, course: Course) -> NDArray[np.float64]:
+    """Return that of the acceleration along the way."""
+    return course.mass * size(p) * course.path
+
+
 LAW = EffectLaw(
     kind="uniform_acceleration",
     summary="F = m (a_x, a_y, a_z)",
@@ -22,6 +28,7 @@ LAW = EffectLaw(
     force=force,
     per_mass=True,
     reference="Landau & Lifshitz, Mechanics, 39",
+    work=work,
 )
 
 

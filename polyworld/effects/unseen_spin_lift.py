@@ -4,7 +4,7 @@ import warp as wp
 
 from polyworld.effects.absence import Absence, Way, along, strength
 from polyworld.effects.conditions import SHARE, Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, passive, wrench
 
 
 @wp.func
@@ -22,6 +22,7 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Rubinow & Keller (1961), J. Fluid Mech. 11, 447, for a spin that stays as it is",
+    work=passive,
     falling=True,
 )
 

@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from polyworld.effects.absence import Absence, FreeParameter, Way, along, strength
 from polyworld.effects.conditions import Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
+from polyworld.effects.law import Course, EffectLaw, EffectParameter, Motion, Parameters, Vec8, size, wrench
 
 _AXIS = EffectParameter("m/s", -300.0, 300.0, (-5.0, 5.0), 0.0, "velocity of the air along this world axis")
 
@@ -15,6 +17,11 @@ _AXIS = EffectParameter("m/s", -300.0, 300.0, (-5.0, 5.0), 0.0, "velocity of the
 def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
     through = b.v - wp.vec3d(p[1], p[2], p[3])
     return wrench(-p[0] * wp.length(through) * through, wp.vec3d())
+
+
+def work(p: Parameters, course: Course) -> NDArray[np.float64]:
+    """Return that of the drag at twice the wind's speed: faster bodies are slowed whichever way they go."""
+    return 4.0 * p["coefficient"] * size(p, "velocity_") ** 2 * course.path
 
 
 LAW = EffectLaw(
@@ -30,6 +37,7 @@ LAW = EffectLaw(
     },
     force=force,
     reference="Batchelor, An Introduction to Fluid Dynamics, 5.11; drag depends on the velocity relative to the fluid",
+    work=work,
     falling=True,
 )
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from polyworld.exchange.bodies import MovingBody, colour_of, moving_bodies
 from polyworld.exchange.geoms import quaternion, static_geom, vector
-from polyworld.exchange.imported import Imported
 from polyworld.exchange.joints import JointReader
 from polyworld.exchange.names import Names
+from polyworld.exchange.reading import Imported
 from polyworld.exchange.surfaces import as_static, of_pair, surface_of
 from polyworld.world import Effect, Environment, StaticObject, TimeBase, World
 

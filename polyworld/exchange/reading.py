@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
+from dataclasses import dataclass
+from math import prod
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import Any
 
-from polyworld.exchange.imported import Imported
+from polyworld.world import World
 
 READERS = {
     ".xml": "MJCF",
@@ -20,6 +23,15 @@ READERS = {
     ".usdz": "USD",
 }
 EXTRA = "pip install 'atw-mcp[importers]'"
+MOST_ELEMENTS = 20_000  # of an XML file, those that it multiplies counted: MuJoCo compiles as many in some seconds
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A world read from a file, and a sentence for everything of the file that it does not hold, or holds otherwise."""
+
+    world: World
+    left_out: tuple[str, ...]
 
 
 def import_world(
@@ -47,7 +59,12 @@ def import_world(
     if kind == "USD":
         from polyworld.exchange.usd import world_of_stage
 
-        return world_of_stage(path, alone=read is not None)
+        if read is None:
+            return world_of_stage(path)
+        with TemporaryDirectory() as folder:
+            alone = Path(folder) / path.name
+            alone.write_bytes(read(path))
+            return world_of_stage(alone, alone=True)
     return _by_mujoco(path, kind, keyframe, floating, read)
 
 
@@ -68,10 +85,12 @@ def _by_mujoco(
     from polyworld.exchange.mujoco_model import world_of_model
 
     try:
+        text = (path.read_bytes() if read is None else read(path)).decode()
+        _check_elements(text)
         if read is not None:
-            spec = _alone(mujoco, path, floating, read)
+            spec = _alone(mujoco, text, path.parent, floating, read)
         elif floating:
-            spec = mujoco.MjSpec.from_string(_freed(path.read_text()))
+            spec = mujoco.MjSpec.from_string(_freed(text))
             spec.modelfiledir = str(path.parent)
         else:
             spec = mujoco.MjSpec.from_file(str(path))
@@ -122,9 +141,22 @@ def _freed(text: str) -> str:
     return ET.tostring(robot, encoding="unicode")
 
 
-def _alone(mujoco: Any, path: Path, floating: bool, read: Callable[[Path], bytes]) -> Any:
-    """A spec of a file that gets at no other but through `read`."""
-    text = read(path).decode()
+def _check_elements(text: str) -> None:
+    """Raise ValueError where a file makes more elements than MuJoCo should compile, before it begins."""
+    count, found = 0, [(ET.fromstring(text), 1)]
+    while found:
+        element, times = found.pop()
+        count += times
+        if count > MOST_ELEMENTS:
+            raise ValueError(f"it makes more than {MOST_ELEMENTS:,} elements, those that it multiplies counted")
+        if element.tag in ("replicate", "composite", "flexcomp"):
+            times *= max(1, prod(int(float(n)) for n in element.get("count", "1").split()))
+        found += [(child, times) for child in element]
+        count += times if element.tag in ("composite", "flexcomp") else 0  # they make bodies of themselves
+
+
+def _alone(mujoco: Any, text: str, parent: Path, floating: bool, read: Callable[[Path], bytes]) -> Any:
+    """A spec of a file's text that gets at no other file but through `read`."""
     # Of what names a file, meshes and height fields are read here, textures are not needed.
     named = {e.tag for e in ET.fromstring(text).iter() if "file" in e.attrib} - {"mesh", "hfield", "texture"}
     if named:
@@ -135,7 +167,7 @@ def _alone(mujoco: Any, path: Path, floating: bool, read: Callable[[Path], bytes
         for part in parts:
             if part.file:
                 part.file = Path(part.file).name if spec.strippath else part.file
-                assets[str(Path(folder) / part.file) if folder else part.file] = read(path.parent / folder / part.file)
+                assets[str(Path(folder) / part.file) if folder else part.file] = read(parent / folder / part.file)
     for texture in list(spec.textures):  # looks are colours here
         spec.delete(texture)
     for material in spec.materials:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from polyworld.exchange.bodies import rigid_shape
 from polyworld.exchange.geoms import Placed, appearance, quaternion, vector
-from polyworld.exchange.imported import Imported
 from polyworld.exchange.names import Names
+from polyworld.exchange.reading import Imported
 from polyworld.exchange.usd_joints import joints_of
 from polyworld.exchange.usd_shapes import masses_of, shape_of
 from polyworld.exchange.usd_stage import Stage

@@ -38,13 +38,16 @@ class Stage:
 
         usd = needed("pxr.Usd", "reading USD")
         geom, self._physics = needed("pxr.UsdGeom", "reading USD"), needed("pxr.UsdPhysics", "reading USD")
+        layers = needed("pxr.Sdf", "reading USD")
         try:
-            self.usd: Any = usd.Stage.Open(str(path))
+            root = layers.Layer.FindOrOpen(str(path))  # the layer alone: composing a stage opens what it refers to
+            if alone and root and _refers(layers, root):
+                raise ValueError("it refers to other files: flatten it, as `usdcat --flatten` does")
+            self.usd: Any = usd.Stage.Open(root)
         except Exception as error:  # USD's own, of no useful type
-            raise ValueError(f"{path.name} is not read by USD: {str(error).strip().splitlines()[-1]}") from error
-        root = self.usd.GetRootLayer()
-        if alone and (root.GetExternalReferences() or root.GetCompositionAssetDependencies()):
-            raise ValueError(f"{path.name} refers to other files: flatten it, as `usdcat --flatten` does")
+            raise ValueError(
+                f"{path.name} is not read by USD: {max(str(error).splitlines(), key=len, default='')}"
+            ) from error
         self.metre = float(geom.GetStageMetersPerUnit(self.usd))
         self.kilogram = float(self._physics.GetStageKilogramsPerUnit(self.usd))
         y_up = geom.GetStageUpAxis(self.usd) == geom.Tokens.y
@@ -135,6 +138,21 @@ class Stage:
     def _read(self, found: Any) -> Material:
         density = float(found.density) * self.kilogram / self.metre**3
         return Material(float(found.dynamicFriction), float(found.restitution), density if density > 0.0 else None)
+
+
+def _refers(layers: Any, root: Any) -> bool:
+    """Return whether a layer names files that composing or evaluating its stage would open."""
+    if root.GetExternalReferences() or root.GetCompositionAssetDependencies():
+        return True
+    clips: list[Any] = []
+
+    def visit(path: Any) -> None:
+        prim = root.GetPrimAtPath(path) if path.IsPrimPath() or path.IsPrimVariantSelectionPath() else None
+        if prim is not None and prim.HasInfo("clips"):
+            clips.append(path)
+
+    root.Traverse(layers.Path.absoluteRootPath, visit)
+    return bool(clips)
 
 
 def rotation_of(matrix: Array) -> Array:

@@ -30,6 +30,7 @@ def law_of(effect: Effect) -> EffectLaw:
         summary=f"F = m ({', '.join(_written(effect).text)})",
         parameters={name: _parameter(effect, name) for name in effect.parameters},
         reference="an expression of this world's own",
+        work=None,
         per_mass=True,
     )
 

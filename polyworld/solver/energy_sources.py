@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.effects import CATALOGUE
+from polyworld.effects.law import Course
+from polyworld.expressions.effect import law_of
 from polyworld.model import model_of
 from polyworld.trajectory import Trajectory
 from polyworld.world import World
@@ -16,45 +17,13 @@ Array = NDArray[np.float64]
 
 # Ways are those of the samples, along which speeds may peak in between: twice the work that they show is allowed.
 BETWEEN = 2.0
-# Effects that take energy or do no work; those whose force is bounded below do work that is.
-PASSIVE = frozenset(
-    (
-        "air_drag",
-        "bounce_friction",
-        "friction_patch",
-        "linear_damping",
-        "linear_drag",
-        "magnus_lift",
-        "quadratic_damping",
-        "quadratic_drag",
-        "restitution_speed",
-        "spin_damping",
-        "spin_drag",
-        "viscous_friction",
-        "coriolis",
-    )
-)
-BOUNDED = frozenset(
-    (
-        "buoyancy",
-        "central_force",
-        "collision_slack",
-        "fan",
-        "periodic_forcing",
-        "spring",
-        "tether",
-        "uniform_acceleration",
-        "uniform_force",
-        "wind",
-    )
-)
 
 
 def unbounded(world: World) -> tuple[str, ...]:
     """Name what may do work on a world's objects that is not bounded here."""
     found = [a.name for a in world.attachments if a.motion]
     found += [e.name for e in (*world.emitters, *world.drains)]
-    found += [e.name for e in world.effects if e.kind not in PASSIVE | BOUNDED]
+    found += [e.name for e in world.effects if law_of(e).work is None]
     return tuple(found)
 
 
@@ -92,24 +61,26 @@ def work(world: World, motion: Trajectory, masses: Array) -> Array:
         most = 0.5 * air * (sheet.drag_normal + sheet.drag_tangential) * area * (2.0 * wind) ** 2
         total += most * ways[:, motion.index(sheet.name)]
     for effect in world.effects:
-        if effect.kind in BOUNDED:
-            parameters = {n: effect.parameters.get(n, q.default) for n, q in CATALOGUE[effect.kind].parameters.items()}
-            for name in effect.objects or motion.names:
-                k = motion.index(name)
-                if effect.kind == "collision_slack":
-                    total += _pulse(parameters, motion, k)
-                    continue
-                reach = float(np.nanmax(np.linalg.norm(motion.positions[:, k], axis=1), initial=0.0))
-                total += _force(effect.kind, parameters, float(masses[k]), reach, world) * ways[:, k]
+        law = law_of(effect)
+        assert law.work is not None  # else the world is `unbounded`
+        parameters = {n: effect.parameters.get(n, q.default) for n, q in law.parameters.items()}
+        for name in effect.objects or motion.names:
+            k = motion.index(name)
+            course = Course(
+                mass=float(masses[k]),
+                gravity=float(np.linalg.norm(world.environment.gravity)),
+                path=ways[:, k],
+                reach=_largest(motion.positions[:, k]),
+                speed=_largest(motion.velocities[:, k]),
+                spin=_largest(motion.angular_velocities[:, k]),
+            )
+            total += law.work(parameters, course)
     return BETWEEN * total
 
 
-def _pulse(p: dict[str, float], motion: Trajectory, k: int) -> float:
-    """Most work of an impulse on a body [J]: at its highest speed, linear and angular."""
-    fastest = float(np.nanmax(np.linalg.norm(motion.velocities[:, k], axis=1), initial=0.0))
-    spun = float(np.nanmax(np.linalg.norm(motion.angular_velocities[:, k], axis=1), initial=0.0))
-    linear = sum(abs(p[f"impulse_{axis}"]) for axis in "xyz")
-    return linear * fastest + sum(abs(p[f"turn_{axis}"]) for axis in "xyz") * spun
+def _largest(vectors: Array) -> float:
+    """Return the largest length of vectors (T, 3), of those that are known."""
+    return float(np.nanmax(np.linalg.norm(vectors, axis=1), initial=0.0))
 
 
 def _upper(velocities: Array) -> Array:
@@ -117,30 +88,6 @@ def _upper(velocities: Array) -> Array:
     speeds = np.linalg.norm(np.nan_to_num(velocities), axis=-1)
     speeds[1:] = np.maximum(speeds[1:], speeds[:-1])
     return speeds
-
-
-def _force(kind: str, p: dict[str, float], mass: float, reach: float, world: World) -> float:
-    """Largest force of an effect on a body that stays within `reach` of the origin [N]."""
-
-    def size(name: str) -> float:
-        return float(sum(abs(p.get(f"{name}{axis}", 0.0)) for axis in "xyz"))
-
-    if kind == "uniform_acceleration":
-        return mass * size("")
-    if kind == "uniform_force":
-        return size("")
-    if kind == "periodic_forcing":
-        return mass * size("amplitude_")
-    if kind == "fan":
-        return size("force_")
-    if kind == "wind":
-        return 4.0 * p["coefficient"] * size("velocity_") ** 2
-    if kind in ("spring", "tether"):
-        return p["stiffness"] * (reach + size("anchor_") + p["rest_length"])
-    if kind == "central_force":
-        far = reach + size("centre_") + p["softening"]
-        return abs(p["strength"]) * max(far ** p["exponent"], p["softening"] ** p["exponent"])
-    return mass * float(np.linalg.norm(world.environment.gravity)) * abs(p["density_ratio"])  # buoyancy
 
 
 def masses_of(world: World) -> Array:

@@ -2,7 +2,7 @@
 
 Kinetic energy gained since the start is at most the energy that weight and elastic parts gave, and the work of motors,
 wind and effects (`energy_sources`): elastic energy is not negative, and contacts, joints and resistances only take.
-This is checked at the samples. Worlds with led attachments, emitters, drains or effects of unknown force have no such
+This is checked at the samples. Worlds with led attachments, emitters, drains or driving effects have no such
 bound and are not checked.
 """
 

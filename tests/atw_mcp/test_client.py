@@ -17,8 +17,8 @@ from atw_mcp.server_process import forward_errors
 from tests.atw_mcp.stdio_process import SLOW
 
 
-def test_lines_of_the_server_are_shown_but_for_the_missing_gpu(capfd: pytest.CaptureFixture[str]) -> None:
-    forward_errors(["Warp CUDA warning: no driver\n", "something is wrong\n"])
+def test_lines_of_the_server_are_shown(capfd: pytest.CaptureFixture[str]) -> None:
+    forward_errors(["something is wrong\n"])
     assert capfd.readouterr().err == "something is wrong\n"
 
 

@@ -11,6 +11,7 @@ from mcp import Client
 
 from atw_mcp.cli import main
 from atw_mcp.server import build_server
+from atw_mcp.store_option import pictures_of
 from evidence_store import Evidence, EvidenceStore
 from tests.evidence_store.records import filled, tamper
 
@@ -102,3 +103,9 @@ def test_an_exported_case_reads_the_same_bytes_where_it_is_imported(
     assert "already" in said
     assert "no zip file" in said
     assert not (tmp_path / "none.db").exists()
+
+
+def test_stores_side_by_side_write_their_pictures_to_different_folders(tmp_path: Path) -> None:
+    stores = [None, tmp_path / "a.db", tmp_path / "b.db", tmp_path / "below" / "a.db"]
+    assert len({pictures_of(store) for store in stores}) == 4
+    assert pictures_of(tmp_path / "below" / ".." / "a.db") == pictures_of(tmp_path / "a.db")

@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, nullcontext
 from contextvars import copy_context
 
 import numpy as np
@@ -26,7 +25,6 @@ from polyworld.solver.coupled.record import Record
 from polyworld.solver.coupled.room import Restart
 from polyworld.solver.coupled.shard import Shard
 from polyworld.trajectory import BatchTrajectory, PointMotion
-from polyworld.world.materials import material_of
 
 Array = NDArray[np.float64]
 
@@ -57,8 +55,7 @@ class CoupledSimulator:
         self._table = time_table(world, self.sample_times)
         self._model = model
         self._meshes = self._model.meshes
-        self._liquids_alone = all(material_of(d).form == "liquid" for d in world.deformables)
-        with self._device():
+        with buffers.on_cpu():  # liquids crashed on a GPU (illegal memory access)
             count = min(n_worlds, threads or available_cores()) if buffers.threads_serve() else 1
             edges = np.linspace(0, n_worlds, count + 1).astype(int)
             self._spans = [slice(int(a), int(b)) for a, b in itertools.pairwise(edges)]
@@ -66,12 +63,8 @@ class CoupledSimulator:
 
     def run(self, overrides: Mapping[str, Array] | None = None, *, samples: int | None = None) -> BatchTrajectory:
         """Roll all variants out from their initial state, to the first `samples` sample times."""
-        with self._device():
+        with buffers.on_cpu():
             return self._run(overrides, samples)
-
-    def _device(self) -> AbstractContextManager[None]:
-        """Return where arrays are made and kernels run."""
-        return nullcontext() if self._liquids_alone else buffers.on_cpu()
 
     def slowest_part(self) -> str:
         """See `polyworld.solver.rollout.Simulator`."""

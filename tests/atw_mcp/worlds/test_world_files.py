@@ -42,14 +42,30 @@ def test_files_outside_the_allowed_folders_are_not_reached(session: Session, tmp
     (tmp_path / "arm.xml").write_text(ARM.format(mesh="/usr/wedge.obj"))
     assert "not in a folder whose files may be read" in session.refused("BuildWorld", case=case, world="/usr/arm.xml")
     own = str(tmp_path / "arm.xml")
-    assert "not in a folder whose files may be read" in session.refused("BuildWorld", case=case, world=own)
+    assert "not in a folder whose files may be read" in _failed(session, case, own)
     for element in ('<include file="/etc/passwd"/>', '<asset><model name="a" file="/usr/a.xml"/></asset>'):
         (tmp_path / "arm.xml").write_text(f"<mujoco>{element}</mujoco>")
-        assert "names other files in" in session.refused("BuildWorld", case=case, world=own)
+        assert "names other files in" in _failed(session, case, own)
     pytest.importorskip("pxr")
     stage = tmp_path / "stage.usda"
     stage.write_text('#usda 1.0\ndef "robot" (references = @/usr/robot.usda@) {}\n')
-    assert "refers to other files" in session.refused("BuildWorld", case=case, world=str(stage))
+    assert "refers to other files" in _failed(session, case, str(stage))
+
+
+def test_a_file_of_a_thousand_million_bodies_is_refused(session: Session, tmp_path: Path) -> None:
+    case = session("OpenCase", name="many")["case"]
+    grid = '<replicate count="1000" offset="1 0 0">'
+    (tmp_path / "many.xml").write_text(
+        f'<mujoco><worldbody>{grid * 3}<geom size="0.1"/>{"</replicate>" * 3}</worldbody></mujoco>'
+    )
+    assert "makes more than 20,000 elements" in _failed(session, case, str(tmp_path / "many.xml"))
+
+
+def _failed(session: Session, case: str, path: str) -> str:
+    """Return why a file is not read: that is long work, of which there is evidence."""
+    with pytest.raises(AssertionError) as failed:
+        session("BuildWorld", case=case, world=path)
+    return str(failed.value)
 
 
 def test_the_commands_convert_both_ways(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import os
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -11,6 +14,7 @@ import pytest
 import warp as wp
 
 from polyworld.core import buffers
+from polyworld.core.warp_settings import NO_DRIVER, without_driver_warning
 from polyworld.estimation.fit import FitOptions, fit
 from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
@@ -88,15 +92,27 @@ def test_worlds_move_on_an_accelerator_as_on_the_cpu(name: str, accelerator: str
     np.testing.assert_allclose(there.velocities, here.velocities, atol=1e-7)
 
 
-def test_liquids_move_on_an_accelerator_as_on_the_cpu(accelerator: str) -> None:
-    """To the accuracy of their solvers: 1% of a cell."""
-    world = MATERIALS["tap"].build(False)
-    there = motion(world, 3).deformables["water"].points
-    buffers.use_device("cpu")
-    here = motion(world, 3).deformables["water"].points
-    assert accelerator != "cpu"
-    assert world.fluid_grid is not None
-    np.testing.assert_allclose(there, here, rtol=0.0, atol=1e-2 * world.fluid_grid.cell)
+@pytest.mark.parametrize("name", SHARED)
+def test_liquids_and_other_materials_stay_on_the_cpu(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(buffers, "_chosen", None)  # a device on which nothing can be made
+    assert not motion(WORLDS[name]()).diverged.any()
+
+
+@pytest.mark.parametrize(("device", "warned"), [("cpu", False), ("cuda", True)])
+def test_the_missing_driver_is_mentioned_where_a_gpu_was_asked_for(device: str, warned: bool) -> None:
+    if ACCELERATORS:
+        pytest.skip("this machine has a driver")
+    environment = {**os.environ, buffers.VARIABLE: device}
+    program = "import polyworld.core.buffers"
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False)
+    assert ("CUDA driver" in done.stderr) == warned
+    assert ("no device 'cuda'" in done.stderr) == warned
+
+
+def test_all_else_that_is_written_while_warp_starts_is_passed_on(capfd: pytest.CaptureFixture[str]) -> None:
+    with without_driver_warning():
+        os.write(2, NO_DRIVER + b". GPU execution will not be available.\nan error\n")
+    assert capfd.readouterr().err == "an error\n"
 
 
 @pytest.mark.benchmark

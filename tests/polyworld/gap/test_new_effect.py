@@ -34,6 +34,7 @@ LAW = EffectLaw(
     parameters={"push": EffectParameter("N", -1e3, 1e3, (-1.0, 1.0), 0.0, "force beyond x = 0")},
     force=force,
     reference="made up",
+    work=None,
 )
 
 
