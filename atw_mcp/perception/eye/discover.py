@@ -155,7 +155,7 @@ def _moves(chain: _Chain, settings: EyeSettings) -> bool:
         return False
     places = np.array([r.centre for r in chain.regions])
     reach = float(np.linalg.norm(np.percentile(places, 95, axis=0) - np.percentile(places, 5, axis=0)))
-    steps = np.diff(places, axis=0)
+    steps = np.diff(places, axis=0) / np.diff([r.frame for r in chain.regions])[:, None]
     persists = float((steps[1:] * steps[:-1]).sum() / max((steps**2).sum(), 1e-9))
     return persists > settings.persistence and reach > max(0.5 * np.sqrt(chain.area() / np.pi), 3.0)
 

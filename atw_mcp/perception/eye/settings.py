@@ -88,7 +88,7 @@ class EyeSettings:
     darkest_shadow: float = 1.3  # [log] darker than what a shadow leaves: a factor of 3.7
     least_region: int = 12  # [px] of a region: smaller ones are noise of coding
     least_life: int = 5  # [frames] of a body that is proposed
-    persistence: float = 0.5  # correlation of a body's displacements in following frames: 1 of smooth motion, -0.5 of noise
+    persistence: float = 0.25  # correlation of displacements of following frames: 1 of smooth motion, -0.5 of noise
     link: float = 2.0  # of unlikeness from frame to frame, to which distance, size and colour add about 1 each
     merging: float = 0.45  # [log] change of area from frame to frame of bodies that begin or cease to touch
     growing: float = 0.25  # [log] change of area of what is no rigid body
