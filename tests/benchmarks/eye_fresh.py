@@ -16,6 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from atw_mcp.perception.eye.bodies import Body
 from atw_mcp.perception.eye.discover import discover
 from atw_mcp.perception.eye.observe import observe
 from atw_mcp.perception.eye.seeds import Seed, outline_body
@@ -110,7 +111,8 @@ def judge(name: str, shapes: list[Shape], frames: np.ndarray, random: np.random.
         k = int(random.choice(np.flatnonzero(inside)))
         seeds.append(Seed(f"body{i}", "outline", k, outline + places[k] + random.normal(0, 0.7, 2)))
     began = time.process_time()
-    tracks, _ = observe(frames, [outline_body(s.body, s) for s in seeds], seeds)
+    bodies: list[Body] = [outline_body(s.body, s) for s in seeds]
+    tracks, _ = observe(frames, bodies, seeds)
     seconds = time.process_time() - began
     errors, wrong, lost = [], 0, 0
     for (places, outline, _), track in zip(shapes, tracks, strict=True):
@@ -121,7 +123,9 @@ def judge(name: str, shapes: list[Shape], frames: np.ndarray, random: np.random.
         lost += int(np.isnan(error).sum())
         wrong += int((np.nan_to_num(error) > 0.5 * track.body.radius(np.zeros(4)))[track.confidence[shown] > 0.8].sum())
     every = np.concatenate(errors)
-    text = f"{np.median(every):.2f} / {np.percentile(every, 90):.2f} / {every.max():.2f} px" if len(every) else "nowhere"
+    text = (
+        f"{np.median(every):.2f} / {np.percentile(every, 90):.2f} / {every.max():.2f} px" if len(every) else "nowhere"
+    )
     found, sure = set(), 0
     for p in discover(frames):
         place = np.asarray(p.seeds[0].value).mean(axis=0)
@@ -130,7 +134,8 @@ def judge(name: str, shapes: list[Shape], frames: np.ndarray, random: np.random.
         near = apart[own] < 0.5 * np.ptp(shapes[own][1], axis=0).max() and own not in found
         found |= {own} if near else set()
         sure += not near and not p.ask
-    print(f"{name:<9} {text}  lost {lost}  wrong {wrong}  {seconds:.1f} s  proposed {len(found)} of {len(shapes)}, {sure} others")  # fmt: skip
+    proposed = f"proposed {len(found)} of {len(shapes)}, {sure} others"
+    print(f"{name:<9} {text}  lost {lost}  wrong {wrong}  {seconds:.1f} s  {proposed}")
     if sheet:
         draw(sheet / f"{name}.png", tracks, frames)
 

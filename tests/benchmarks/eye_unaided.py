@@ -17,9 +17,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
+from atw_mcp.perception.eye.bodies import Body
 from atw_mcp.perception.eye.discover import Proposal, discover
 from atw_mcp.perception.eye.observe import Track, observe
 from atw_mcp.perception.eye.pixels import filled
@@ -32,7 +32,8 @@ def unaided(frames: np.ndarray) -> tuple[list[Proposal], list[Track], float]:
     """Propose bodies, follow those that are no shadows, and return them with the seconds of processor time."""
     began = time.process_time()
     proposals = [p for p in discover(frames) if p.kind != "shadow" or p.confidence > 0.3]
-    tracks = observe(frames, [p.body for p in proposals], [s for p in proposals for s in p.seeds])[0] if proposals else []
+    bodies: list[Body] = [p.body for p in proposals]
+    tracks = observe(frames, bodies, [s for p in proposals for s in p.seeds])[0] if proposals else []
     return proposals, tracks, time.process_time() - began
 
 
@@ -70,8 +71,9 @@ def clip(public: Path, private: Path, pictures: Path | None) -> dict[str, Any]:
         "seconds": seconds,
     }
     missed = [b.body for b in score.bodies if not b.observed]
-    print(f"{public.name} {hidden['kind']} {hidden['style']}: {row['found']} of {row['bodies']} found, "
-          f"missed {missed}, ghosts {row['ghosts']} and {row['ghosts_asked']} asked about, {seconds:.1f} s", flush=True)  # fmt: skip
+    ghosts = f"ghosts {row['ghosts']} and {row['ghosts_asked']} asked about"
+    found_of = f"{row['found']} of {row['bodies']} found, missed {missed}"
+    print(f"{public.name} {hidden['kind']} {hidden['style']}: {found_of}, {ghosts}, {seconds:.1f} s", flush=True)
     return row
 
 

@@ -1,9 +1,22 @@
 """Follow bodies through frames by one likelihood of pixels: `observe(frames, bodies, seeds)` gives tracks and scene."""
 
 from atw_mcp.perception.eye.bodies import Outline, Solid
+from atw_mcp.perception.eye.discover import Proposal, discover
 from atw_mcp.perception.eye.masks import BodyMask, body_mask
 from atw_mcp.perception.eye.observe import Track, observe
 from atw_mcp.perception.eye.seeds import Seed, outline_body
 from atw_mcp.perception.eye.settings import EyeSettings
 
-__all__ = ["BodyMask", "EyeSettings", "Outline", "Seed", "Solid", "Track", "body_mask", "observe", "outline_body"]
+__all__ = [
+    "BodyMask",
+    "EyeSettings",
+    "Outline",
+    "Proposal",
+    "Seed",
+    "Solid",
+    "Track",
+    "body_mask",
+    "discover",
+    "observe",
+    "outline_body",
+]

@@ -37,8 +37,8 @@ class Body(Protocol):
     farther out than the silhouette says [px] (lens, a size that is not quite right), and of the radius of rounded rims.
     """
 
-    name: str
-
+    @property
+    def name(self) -> str: ...
     @property
     def nuisance(self) -> tuple[float, float]: ...
     @property

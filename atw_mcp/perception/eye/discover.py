@@ -73,7 +73,8 @@ def discover(frames: Bytes, settings: EyeSettings | None = None) -> list[Proposa
 
 def _linked(regions: list[list[Region]], settings: EyeSettings) -> list[_Chain]:
     """Chains of regions from frame to frame: the nearest to the predicted place, of like size and colour."""
-    open_, closed = [], []
+    open_: list[_Chain] = []
+    closed: list[_Chain] = []
     for frame, own in enumerate(regions):
         price = np.full((len(open_), len(own)), 1e3)
         for i, chain in enumerate(open_):
@@ -99,7 +100,7 @@ def _price(chain: _Chain, region: Region, predicted: Floats, gap: int, settings:
     radius = max(region.radius, last.radius)
     apart = min(np.linalg.norm(region.centre - predicted), np.linalg.norm(region.centre - last.centre) + 0.5 * radius)
     size = abs(np.log(region.area / last.area))
-    if size > settings.merging and not (region.border or last.border):
+    if size > 2 * settings.growing and not (region.border or last.border):
         return 1e3
     colour = float(np.abs((region.look - last.look) / [0.5, 0.15, 0.15]).max())
     return float(apart / (settings.search * 0.5 * radius * (1 + 0.5 * (gap - 1))) + size + 0.5 * colour)
@@ -142,7 +143,8 @@ def _several(chain: _Chain, chains: list[_Chain]) -> bool:
         for other in chains:
             near = other.regions[-1] if step < 0 else other.regions[0]
             if other is not chain and not near.dark and 0 < step * (near.frame - end.frame) <= 3:
-                parts += near.area < 0.9 * end.area and np.linalg.norm(near.centre - end.centre) < 1.5 * end.radius
+                inside = np.linalg.norm(near.centre - end.centre) < 1.5 * end.radius
+                parts += int(inside and near.area < 0.9 * end.area)
         if parts > 1:
             return True
     return False
@@ -151,7 +153,7 @@ def _several(chain: _Chain, chains: list[_Chain]) -> bool:
 def _moves(chain: _Chain, settings: EyeSettings) -> bool:
     """Whether a chain lasts and moves on from frame to frame: noise of outlines goes to and fro, blocks of coding jump
     and stand."""
-    if len(chain.regions) < settings.least_life:
+    if len(chain.regions) <= settings.gap:
         return False
     places = np.array([r.centre for r in chain.regions])
     reach = float(np.linalg.norm(np.percentile(places, 95, axis=0) - np.percentile(places, 5, axis=0)))
@@ -176,7 +178,7 @@ def _proposal(name: str, chain: _Chain, others: list[_Chain], factor: float, set
         kind = "shadow"
     elif spread > settings.growing or solid < settings.hollow or bordering > 0.8:
         kind = "changing"
-    lasting = 1 - np.exp(-len(chain.regions) / (2 * settings.least_life))
+    lasting = 1 - np.exp(-len(chain.regions) / (2 * (settings.gap + 1)))
     confidence = lasting * (1 - min(spread / (2 * settings.growing), 0.5)) * min(solid / 0.85, 1.0)
     if kind == "shadow":
         confidence *= 0.2 if _follows(chain, others) else 0.6

@@ -10,7 +10,17 @@ from scipy.optimize import linear_sum_assignment
 from atw_mcp.perception.eye.bodies import Outline
 from atw_mcp.perception.eye.likelihood import Scene
 from atw_mcp.perception.eye.pixels import Floats
-from atw_mcp.perception.eye.states import State, candidates, motion_prior, peaks, present, competitors, score, state_at, vacant
+from atw_mcp.perception.eye.states import (
+    State,
+    candidates,
+    competitors,
+    motion_prior,
+    peaks,
+    present,
+    score,
+    state_at,
+    vacant,
+)
 
 States = dict[int, State]
 

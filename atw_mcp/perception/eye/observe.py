@@ -116,7 +116,7 @@ def _alike(scene: Scene) -> NDArray[np.bool_]:
     A body that stands somewhere for most of the clip would else be the median there. Pixels that always do are left.
     """
     s, film = scene.settings, scene.film
-    frames = film.frames[film.chosen()]
+    frames = film.sample
     covered = np.zeros(frames.shape[:3], bool)
     rows, columns = np.nonzero((frames.max(axis=0) - frames.min(axis=0)).max(axis=-1) > 2 * s.dark_level)
     usual = features(frames[:: max(1, len(frames) // 4)].reshape(-1, 3)[::97].astype(np.float32), s)

@@ -68,7 +68,7 @@ def find_regions(frames: Bytes, settings: EyeSettings) -> list[list[Region]]:
     chosen = np.unique(np.linspace(0, len(frames) - 1, count).astype(int))
     still = _still(frames[chosen], settings)
     found: list[list[Region]] = []
-    for _ in range(2):
+    for _ in range(3):
         found = [regions_of(frame, k, still, settings) for k, frame in enumerate(frames)]
         if not _uncover(frames, found, still, settings):
             break
@@ -83,7 +83,10 @@ def _still(sample: Bytes, settings: EyeSettings) -> Still:
     common = np.maximum(1.48 * np.median(np.abs(apart), axis=(0, 1, 2)), settings.noise_floor)
     noise = np.minimum(cv2.GaussianBlur(noise, (0, 0), 1.5), 10 * common)
     edges = np.stack(
-        [np.hypot(cv2.Sobel(f, -1, 1, 0, scale=0.125), cv2.Sobel(f, -1, 0, 1, scale=0.125)) for f in cv2.split(feature)],
+        [
+            np.hypot(cv2.Sobel(f, -1, 1, 0, scale=0.125), cv2.Sobel(f, -1, 0, 1, scale=0.125))
+            for f in cv2.split(feature)
+        ],
         axis=-1,
     )
     spread = np.sqrt(np.maximum(noise, common) ** 2 + (settings.sharp * edges) ** 2)
@@ -120,7 +123,7 @@ def _classes(frame: Bytes, still: Still, settings: EyeSettings) -> tuple[Mask, M
     coloured = cv2.GaussianBlur(((chroma / wide) ** 2).sum(axis=-1), (0, 0), 0.8)
     bright = cv2.GaussianBlur(dark / still.spread[..., 0], (0, 0), 0.8)
     sigma = np.float32(settings.differs)
-    black = (dark < -settings.darkest_shadow) & (bright < -sigma)
+    black = (dark < -0.5 * settings.deepest_shade) & (bright < -sigma)
     lit = (bright > sigma) & (dark > 0.5 * settings.brightest_light)
     foreign = (coloured > sigma**2) | black | lit
     differs = np.maximum(np.sqrt(coloured), np.abs(bright))
@@ -133,9 +136,10 @@ def regions_of(frame: Bytes, number: int, still: Still, settings: EyeSettings) -
     """Regions of a frame."""
     foreign, shaded, look, differs, hued, amount = _classes(frame, still, settings)
     kernel = np.ones((3, 3), np.uint8)
-    body = cv2.morphologyEx(foreign.astype(np.uint8), cv2.MORPH_CLOSE, kernel)
-    body = cv2.morphologyEx(_closed(body), cv2.MORPH_OPEN, kernel)
-    dark = cv2.morphologyEx(shaded.astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
+    body = np.asarray(cv2.morphologyEx(foreign.astype(np.uint8), cv2.MORPH_CLOSE, kernel), dtype=np.uint8)
+    body = np.asarray(cv2.morphologyEx(_closed(body), cv2.MORPH_OPEN, kernel), dtype=np.uint8)
+    wide = np.ones((5, 5), np.uint8)
+    dark = np.asarray(cv2.morphologyEx(shaded.astype(np.uint8), cv2.MORPH_OPEN, wide), dtype=np.uint8)
     body = _with_dark_sides(body, dark, hued)
     dark[body > 0] = 0
     parts: list[tuple[Mask, tuple[int, int], int, bool]] = []
@@ -208,30 +212,29 @@ def _closed(mask: Bytes) -> Bytes:
 
 
 def _uncover(frames: Bytes, found: list[list[Region]], still: Still, settings: EyeSettings) -> bool:
-    """Put into the background what regions show whose outline is an edge of it rather than of the frame."""
-    changed = False
-    done = np.zeros(still.feature.shape[:2], bool)
-    for regions in found[:: max(1, len(found) // settings.background_frames)]:
-        for region in regions:
-            grown = cv2.copyMakeBorder(region.mask.astype(np.uint8), 3, 3, 3, 3, cv2.BORDER_CONSTANT, value=0)
-            x, y = region.corner[0] - 3, region.corner[1] - 3
-            low, high = np.maximum([x, y], 0), np.minimum([x + grown.shape[1], y + grown.shape[0]], done.shape[::-1])
-            inside = grown[low[1] - y : high[1] - y, low[0] - x : high[0] - x]
-            window = np.s_[low[1] : high[1], low[0] : high[0]]
-            outer = (cv2.dilate(inside, np.ones((7, 7), np.uint8)) > 0) & (
-                cv2.dilate(inside, np.ones((3, 3), np.uint8)) == 0
-            )
-            inner = (inside > 0) & (cv2.erode(inside, np.ones((5, 5), np.uint8), borderValue=1) == 0)
-            if not outer.any() or not inner.any() or done[window][inside > 0].mean() > 0.5:
-                continue
+    """Put into the background what regions show whose outline is an edge of it rather than of the frame, the clearest
+    first: one that a body still touches has both edges."""
+    uncovered: list[tuple[float, int, tuple[slice, slice], Mask, Array]] = []
+    for region in (r for regions in found[:: max(1, len(found) // settings.background_frames)] for r in regions):
+        grown = cv2.copyMakeBorder(region.mask.astype(np.uint8), 3, 3, 3, 3, cv2.BORDER_CONSTANT, value=0)
+        x, y = region.corner[0] - 3, region.corner[1] - 3
+        height, width = still.feature.shape[:2]
+        top, left = max(y, 0), max(x, 0)
+        inside = grown[top - y : height - y, left - x : width - x]
+        window = np.s_[top : top + inside.shape[0], left : left + inside.shape[1]]
+        outer = (cv2.dilate(inside, np.ones((7, 7), np.uint8)) > 0) & (cv2.dilate(inside, np.ones((3, 3))) == 0)
+        inner = (inside > 0) & (cv2.erode(inside, np.ones((5, 5), np.uint8), borderValue=1) == 0)
+        if outer.any() and inner.any():
             own = features(frames[region.frame][window].astype(np.float32), settings)
-            steps = [_step(f, inner, outer) for f in (own, still.feature[window])]
-            if steps[1] > 1.5 * steps[0]:  # the outline is the background's edge, not the frame's
-                whole = cv2.dilate(inside, np.ones((5, 5), np.uint8)) > 0
-                still.feature[window][whole] = own[whole]
-                done[window] |= whole
-                changed = True
-    return changed
+            ratio = _step(still.feature[window], inner, outer) / max(_step(own, inner, outer), 1e-3)
+            if ratio > 1.5:
+                uncovered.append((ratio, len(uncovered), window, cv2.dilate(inside, np.ones((5, 5))) > 0, own))
+    done = np.zeros(still.feature.shape[:2], bool)
+    for _, _, window, whole, own in sorted(uncovered, key=lambda u: -u[0]):
+        if done[window][whole].mean() < 0.5:
+            still.feature[window][whole] = own[whole]
+            done[window] |= whole
+    return bool(uncovered)
 
 
 def _step(look: Array, inner: Mask, outer: Mask) -> float:
