@@ -125,7 +125,7 @@ def _alike(scene: Scene) -> NDArray[np.bool_]:
     A body that stands somewhere for most of the clip would else be the median there. Pixels that always do are left.
     """
     s, film = scene.settings, scene.film
-    frames = film.frames[film.chosen()]
+    frames = film.sample
     covered = np.zeros(frames.shape[:3], bool)
     rows, columns = np.nonzero((frames.max(axis=0) - frames.min(axis=0)).max(axis=-1) > 2 * s.dark_level)
     usual = features(frames[:: max(1, len(frames) // 4)].reshape(-1, 3)[::97].astype(np.float32), s)
@@ -254,15 +254,15 @@ def _continuity(
 ) -> tuple[tuple[int, ...], NDArray[np.bool_]]:
     """Frames at which a body jumps, and whether each frame (T,) is tied to a seed by motion without jumps or gaps.
 
-    A jump is farther, by `jump` radii, than the motion around it goes in a frame.
+    A jump differs by more than `jump` radii from rest and from the displacements before and after it.
     """
     s, seen = scene.settings, np.flatnonzero(np.isfinite(centres[:, 0]))
-    moved = np.linalg.norm(np.diff(centres[seen], axis=0), axis=1) / np.maximum(np.diff(seen), 1)
+    moved = np.diff(centres[seen], axis=0) / np.maximum(np.diff(seen), 1)[:, None]
     breaks, piece = [], np.zeros(len(seen), int)
     for m, step in enumerate(moved):
-        around = np.concatenate([moved[max(m - 3, 0) : m], moved[m + 1 : m + 4]])
-        usual = float(np.max(around)) if len(around) else 0.0
-        jumped = step > s.jump * shape.radius(poses[seen[m + 1]]) + s.faster * usual
+        around = [np.zeros(2), *moved[max(m - 1, 0) : m], *moved[m + 1 : m + 2]]
+        beyond = min(float(np.linalg.norm(step - v) - (s.faster - 1) * np.linalg.norm(v)) for v in around)
+        jumped = beyond > s.jump * shape.radius(poses[seen[m + 1]])
         if jumped:
             breaks.append(int(seen[m + 1]))
         piece[m + 1] = piece[m] + (jumped or seen[m + 1] - seen[m] > s.gap)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -23,7 +24,8 @@ def features(levels: Array, settings: EyeSettings) -> Array:
     """
     logs = np.log(levels + np.float32(settings.dark_level), dtype=np.float32)
     green = logs[..., 1]
-    return np.stack([logs.mean(axis=-1), logs[..., 2] - green, logs[..., 0] - green], axis=-1)
+    brightness = (logs[..., 0] + green + logs[..., 2]) * np.float32(1 / 3)
+    return np.stack([brightness, logs[..., 2] - green, logs[..., 0] - green], axis=-1)
 
 
 def sampled(image: NDArray[np.float32] | NDArray[np.uint8], points: Floats) -> Array:
@@ -69,6 +71,21 @@ class Film:
         count = min(self.count, self.settings.background_frames)
         return np.unique(np.linspace(0, self.count - 1, count).astype(int))
 
+    @cached_property
+    def sample(self) -> Bytes:
+        """The chosen frames."""
+        return self.frames[self.chosen()]
+
+    @cached_property
+    def middle(self) -> Array:
+        """Levels (H, W, 3) of the median of the chosen frames, whatever they show."""
+        middle = np.empty(self.frames.shape[1:], np.float32)
+        for row in range(0, self.height, 64):  # in strips, for the sake of memory
+            strip = np.s_[row : row + 64]
+            half = np.partition(self.sample[:, strip], len(self.sample) // 2, axis=0)[len(self.sample) // 2]
+            middle[strip] = _averaged(self.sample[:, strip], half.astype(np.float32))
+        return middle
+
 
 @dataclass(frozen=True)
 class Background:
@@ -89,9 +106,8 @@ def learn_background(film: Film, covered: NDArray[np.bool_]) -> Background:
 
     covered (S, H, W): whether a pixel of a chosen frame is, or may be, a body's.
     """
-    settings, frames = film.settings, film.frames[film.chosen()]
-    middle = np.sort(frames, axis=0)[len(frames) // 2].astype(np.float32)
-    middle = _averaged(frames, middle)
+    settings, frames = film.settings, film.sample
+    middle = film.middle.copy()
     rows, columns = np.nonzero(covered.any(axis=0))
     hole = np.zeros(middle.shape[:2], bool)
     if len(rows):

@@ -31,7 +31,7 @@ class EyeSettings:
     noise_floor: float = 0.012  # [feature] least noise of the background: rounding of levels of 100
     sharp: float = 0.25  # [px] by which edges of the background may be displaced: coding, shake
     free_shade: float = 0.12  # probability of a darkening that the shade around the body does not predict
-    deepest_shade: float = 2.6  # [log] darkening by shadow at the most, a factor of 13
+    deepest_shade: float = 2.6  # [log] darkening by shadow at the most, a factor of 13; half of it is rarely exceeded
     brightest_light: float = 0.25  # [log] brightening by reflected light at the most
     shade_slack: float = 0.2  # share of a predicted darkening by which it may be wrong
     shade_chroma: float = 0.05  # chroma error per unit of darkening: the added dark level bends it
@@ -81,6 +81,15 @@ class EyeSettings:
 
     # masks
     smooth: float = 1.2  # [nats] price of a pair of neighbours of different states
+
+    # discovery
+    discovery_pixels: float = 130_000.0  # of a frame at the most: smaller bodies than 4 px of 1080p are not proposed
+    differs: float = 5.0  # [standard deviations] from the background of a pixel that is not
+    least_region: int = 12  # [px] of a region: smaller ones are noise of coding
+    persistence: float = 0.25  # correlation of displacements of following frames: 1 of smooth motion, -0.5 of noise
+    link: float = 2.0  # of unlikeness from frame to frame, to which distance, size and colour add about 1 each
+    growing: float = 0.25  # [log] change of area of what is no rigid body; twice it in a frame: a merger
+    hollow: float = 0.75  # share of its convex hull below which a region is no one rigid body
 
     # assignment
     meeting: float = 1.2  # [sums of radii] between look-alikes below which they may be exchanged
