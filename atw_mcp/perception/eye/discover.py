@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import cv2
@@ -14,6 +15,7 @@ from atw_mcp.perception.eye.pixels import Bytes, Floats
 from atw_mcp.perception.eye.regions import Region, find_regions, reduced
 from atw_mcp.perception.eye.seeds import Seed, outline_body
 from atw_mcp.perception.eye.settings import EyeSettings
+from atw_mcp.perception.eye.standing import standing
 
 Kind = Literal["body", "shadow", "changing"]
 
@@ -22,9 +24,10 @@ Kind = Literal["body", "shadow", "changing"]
 class Proposal:
     """A body that may be meant.
 
-    seeds: its outline at the frames that show it most clearly. confidence: probability that it is one rigid body.
-    kind: shadow, where it darkens the background and nothing more; changing, where its area or shape does not stay, as
-    that of a hand, a person or a cloth. ask: whether an agent should be asked about it. frames: first and last.
+    seeds: its outline at the frame that shows it most clearly. confidence: probability that it is one rigid body. kind:
+    shadow, where it darkens the background and nothing more and moves as a body near it does; changing, where its area
+    or shape does not stay, as that of a hand, a person or a cloth. ask: whether an agent should be asked about it.
+    frames: first and last. regions: of a body that moves, in reduced pixels.
     """
 
     body: Outline
@@ -33,6 +36,11 @@ class Proposal:
     kind: Kind
     ask: bool
     frames: tuple[int, int]
+    regions: tuple[Region, ...] = ()
+
+    def centre(self) -> Floats:
+        """Centre (2,) of the outline at its first seed [px]."""
+        return np.asarray(np.asarray(self.seeds[0].value).mean(axis=0))
 
 
 @dataclass
@@ -60,15 +68,36 @@ class _Chain:
         return np.asarray(own[-1].centre + rate * (frame - own[-1].frame))
 
 
-def discover(frames: Bytes, settings: EyeSettings | None = None) -> list[Proposal]:
-    """Propose bodies that move in frames (T, H, W, 3) of BGR bytes, the surest first."""
+def discover(
+    frames: Bytes, settings: EyeSettings | None = None, least: int = 0, tick: Callable[[], None] = lambda: None
+) -> list[Proposal]:
+    """Propose bodies in frames (T, H, W, 3) of BGR bytes: those that move, the surest first, then those at rest.
+
+    least: pixels of the smallest body that is looked for.
+    """
     settings = settings or EyeSettings()
-    small, factor = reduced(frames, settings)
-    chains = _stitched(_linked(find_regions(small, settings), settings), settings)
-    moving = [c for c in chains if _moves(c, settings) and not _several(c, chains)]
-    names = iter(range(1, len(moving) + 1))
-    found = [_proposal(f"body {next(names)}", c, moving, factor, settings) for c in moving]
-    return sorted(found, key=lambda p: -p.confidence)
+    small, factor = reduced(frames, settings.discovery_pixels)
+    settings = replace(settings, least_region=max(settings.least_region, round(least * factor**2)))
+    regions, still = find_regions(small, settings, tick)
+    lasting = [c for c in _linked(regions, settings) if len(c.regions) >= 3]
+    chains = _stitched([c for c in lasting if not _several(c, lasting)], settings)
+    moving = [c for c in chains if _moves(c, settings)]
+    found = [_proposal(f"body {n}", c, moving, factor, settings) for n, c in enumerate(moving, 1)]
+    found.sort(key=lambda p: -p.confidence)
+    at_rest = [r for r in standing(small, still, settings) if not any(_is_of(r, c) for c in moving)]
+    return found + [_at_rest(f"body {n}", r, len(frames), factor) for n, r in enumerate(at_rest, len(found) + 1)]
+
+
+def _is_of(region: Region, chain: _Chain) -> bool:
+    """Whether a region at rest is where a body of about its size stands that moves in other frames."""
+    reach = 0.7 * region.radius
+    near = [r for r in chain.regions if np.linalg.norm(r.centre - region.centre) < reach]
+    return not chain.last.dark and any(abs(np.log(r.area / region.area)) < 1.0 for r in near)
+
+
+def _at_rest(name: str, region: Region, count: int, factor: float) -> Proposal:
+    seed = Seed(name, "outline", region.frame, _outline(region, factor))
+    return Proposal(outline_body(name, seed), (seed,), 0.8, "body", False, (0, count - 1))
 
 
 def _linked(regions: list[list[Region]], settings: EyeSettings) -> list[_Chain]:
@@ -108,7 +137,6 @@ def _price(chain: _Chain, region: Region, predicted: Floats, gap: int, settings:
 
 def _stitched(chains: list[_Chain], settings: EyeSettings) -> list[_Chain]:
     """Join chains of one body that was hidden or merged with another between them."""
-    chains = [c for c in chains if len(c.regions) >= 3]
     while True:
         best: tuple[float, int, int] | None = None
         for i, one in enumerate(chains):
@@ -174,32 +202,35 @@ def _proposal(name: str, chain: _Chain, others: list[_Chain], factor: float, set
     spread = float(np.median(np.abs(np.log([r.area / usual for r in whole]))))
     bordering = np.mean([r.border for r in chain.regions])
     kind: Kind = "body"
-    if chain.last.dark:
+    if chain.last.dark and _follows(chain, others, settings):
         kind = "shadow"
     elif spread > settings.growing or solid < settings.hollow or bordering > 0.8:
         kind = "changing"
     lasting = 1 - np.exp(-len(chain.regions) / (2 * (settings.gap + 1)))
     confidence = lasting * (1 - min(spread / (2 * settings.growing), 0.5)) * min(solid / 0.85, 1.0)
     if kind == "shadow":
-        confidence *= 0.2 if _follows(chain, others) else 0.6
-    if kind == "changing":
+        confidence *= 0.2
+    elif kind == "changing" or chain.last.dark:
         confidence *= 0.6
     span = (chain.regions[0].frame, chain.last.frame)
-    return Proposal(outline_body(name, seed), (seed,), float(confidence), kind, bool(confidence < 0.7), span)
+    return Proposal(
+        outline_body(name, seed), (seed,), float(confidence), kind, bool(confidence < 0.7), span, tuple(chain.regions)
+    )
 
 
-def _follows(chain: _Chain, others: list[_Chain]) -> bool:
-    """Whether a dark region moves as a body near it does, as the shadow of that body."""
+def _follows(chain: _Chain, others: list[_Chain], settings: EyeSettings) -> bool:
+    """Whether a dark region's place is a linear function of that of a body around it, as its shadow's on a plane is."""
     own = {r.frame: r for r in chain.regions}
     for other in others:
-        if other is chain or other.last.dark:
+        pairs = [(own[r.frame].centre, r.centre) for r in other.regions if r.frame in own]
+        if other is chain or other.last.dark or len(pairs) < 0.5 * len(own):
             continue
-        apart = np.array([own[r.frame].centre - r.centre for r in other.regions if r.frame in own])
-        if len(apart) < 0.5 * len(own):
-            continue
+        dark, body = (np.array(p) for p in zip(*pairs, strict=True))
         radius = np.sqrt(max(chain.area(), other.area()) / np.pi)
-        near = np.linalg.norm(np.median(apart, axis=0)) < 4 * radius
-        if near and np.linalg.norm(apart - np.median(apart, axis=0), axis=1).mean() < radius:
+        design = np.c_[np.ones(len(body)), body]
+        left = dark - design @ np.linalg.lstsq(design, dark, rcond=None)[0]
+        near = np.median(np.linalg.norm(dark - body, axis=1)) < settings.shadow_reach * radius
+        if near and np.median(np.linalg.norm(left, axis=1)) < 0.5 * radius:
             return True
     return False
 

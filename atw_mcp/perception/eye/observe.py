@@ -15,7 +15,8 @@ from atw_mcp.perception.eye.bodies import Body
 from atw_mcp.perception.eye.colours import Colours, learn_colours
 from atw_mcp.perception.eye.follow import States, follow, refit, seeded
 from atw_mcp.perception.eye.likelihood import Scene
-from atw_mcp.perception.eye.pixels import Array, Film, Floats, features, filled, learn_background
+from atw_mcp.perception.eye.order import order_outlines
+from atw_mcp.perception.eye.pixels import Array, Film, Floats, evenly_lit, features, filled, learn_background
 from atw_mcp.perception.eye.seeds import GREYS, Seed, hidden_places, seed_pose, word_map, word_places
 from atw_mcp.perception.eye.settings import EyeSettings
 from atw_mcp.perception.eye.silhouette import centre_error
@@ -54,7 +55,7 @@ def observe(
     hiding (H, W): depth of what never moves and may hide bodies; tick: called once a frame, and may raise to stop.
     """
     settings = settings or EyeSettings()
-    film = Film(frames, settings)
+    film = Film(evenly_lit(frames), settings)
     scene = Scene(film, list(bodies), settings, learn_background(film, _none(film)), hiding)
     scene.tick = tick or scene.tick
     held = _held(scene, seeds)
@@ -71,7 +72,7 @@ def observe(
     scene.poses[:] = np.nan
     states = follow(scene, held)
     for _ in range(settings.rounds):
-        _learn(scene)
+        _learn(scene, held)
         states = refit(scene, held)
         states = reassign(scene, states, held)
     return [_track(scene, i, found, held[i]) for i, found in enumerate(states)], scene
@@ -98,7 +99,10 @@ def _held(scene: Scene, seeds: Sequence[Seed]) -> list[dict[int, Floats]]:
 
 
 def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
-    """Pixels (S, H, W) that look in a frame as they do where a seed shows a body: the body may still stand there."""
+    """Pixels (S, H, W) that look in a frame as they do where a seed shows a body: the body may still stand there.
+
+    Where most of its pixels do it stands there, and its blurred rim too, else the rim is taken for background.
+    """
     film, chosen = scene.film, scene.film.chosen()
     covered = scene.covered(2.0)
     for i, own in enumerate(held):
@@ -107,15 +111,14 @@ def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
             if min(size) < 2:
                 continue
             rows, columns = slice(corner[1], corner[1] + size[1]), slice(corner[0], corner[0] + size[0])
-            keep = scene.poses.copy()
-            scene.poses[:] = np.nan
-            scene.poses[i, k] = pose
             mask = _mask(scene, i, pose, corner, size)
-            scene.poses[:] = keep
-            own_look = features(film.frames[k, rows, columns].astype(np.float32), scene.settings)
-            look = features(film.frames[chosen, rows, columns].astype(np.float32), scene.settings)
-            alike = (np.abs(look - own_look) < 3 * np.array(scene.settings.least_spread, np.float32)).all(axis=-1)
-            covered[:, rows, columns] |= alike & mask
+            parts = film.frames[[k, *chosen], rows, columns].astype(np.float32)
+            own_look, *looks = (features(cv2.blur(part, (3, 3)), scene.settings) for part in parts)
+            look = np.stack(looks)
+            spread = np.maximum(scene.settings.least_spread, np.sqrt(2) * scene.background.noise).astype(np.float32)
+            alike = (np.abs(look - own_look) < 3 * spread).all(axis=-1)
+            standing = alike[:, filled(scene.bodies[i].polygon(pose), corner, size)].mean(axis=1) > 0.5
+            covered[:, rows, columns] |= (alike | standing[:, None, None]) & mask
     return covered
 
 
@@ -217,15 +220,16 @@ def _tried(
     return total, found
 
 
-def _learn(scene: Scene) -> None:
+def _learn(scene: Scene, held: list[dict[int, Floats]]) -> None:
     """Learn background, colours and shade from all poses."""
-    scene.background = learn_background(scene.film, scene.covered(3.0))
+    scene.background = learn_background(scene.film, scene.covered(3.0) | _at_seeds(scene, held))
     count = scene.film.count
     frames = sorted(set(np.linspace(0, count - 1, min(count, scene.settings.background_frames)).astype(int).tolist()))
     for i in range(len(scene.bodies)):
         own = [k for k in range(count) if np.isfinite(scene.poses[i, k, 0])]
         scene.learn_body(i, own[:: max(1, len(own) // 24)])
     scene.learn_shades(frames)
+    order_outlines(scene)
 
 
 def _track(scene: Scene, body: int, states: States, seeds: dict[int, Floats]) -> Track:

@@ -43,6 +43,21 @@ def _rows(points: Floats) -> Array:
     return padded.reshape(-1, 16384, 2)
 
 
+def evenly_lit(frames: Bytes) -> Bytes:
+    """Frames (T, H, W, 3) without changes of exposure: levels scaled so that the median pixel keeps its own."""
+    sample = frames[:, ::8, ::8].reshape(len(frames), -1, 3).astype(np.float32)
+    usual = np.median(sample, axis=0)
+    seen = ((usual > 12) & (usual < 245)).all(axis=1)  # neither black nor clipped
+    if not seen.any():
+        return frames
+    gain = np.median(usual[seen] / np.maximum(sample[:, seen], 1.0), axis=1)
+    if np.abs(gain - 1).max() < 0.02:
+        return frames
+    levels = np.arange(256, dtype=np.float32)[:, None]
+    tables = [np.clip(np.round(levels * g), 0, 255).astype(np.uint8)[None] for g in gain]
+    return np.stack([cv2.LUT(frame, table) for frame, table in zip(frames, tables, strict=True)])
+
+
 def filled(polygon: Floats, corner: tuple[int, int], size: tuple[int, int]) -> Mask:
     """Pixels (h, w) inside a polygon (V, 2) [px], of a window whose first pixel is `corner` (u, v); size (w, h)."""
     mask = np.zeros((size[1], size[0]), np.uint8)

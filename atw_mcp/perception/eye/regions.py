@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -13,7 +14,9 @@ from atw_mcp.perception.eye.settings import EyeSettings
 
 @dataclass(frozen=True)
 class Region:
-    """A connected region of a frame, in reduced pixels: its mask (h, w) and first pixel, centroid (2,), area, features.
+    """A connected region of a frame, in reduced pixels.
+
+    corner, mask (h, w): its first pixel and pixels; picture: height and width; centre (2,): centroid; look: features.
 
     dark: it differs from the background by darkening alone, as a shadow does. border: it touches the picture's.
     solid: share of its convex hull. alone: distance to the nearest other region, in radii.
@@ -21,6 +24,7 @@ class Region:
 
     frame: int
     corner: tuple[int, int]
+    picture: tuple[int, int]
     mask: Mask
     centre: Floats
     area: int
@@ -35,6 +39,13 @@ class Region:
         """Radius of the circle of its area."""
         return float(np.sqrt(self.area / np.pi))
 
+    def enlarged(self, height: int, width: int) -> Mask:
+        """Mask (height, width) in the whole frame's pixels."""
+        whole = np.zeros(self.picture, np.float32)
+        rows, columns = self.mask.shape
+        whole[self.corner[1] : self.corner[1] + rows, self.corner[0] : self.corner[0] + columns] = self.mask
+        return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_LINEAR) > 0.5)
+
 
 @dataclass
 class Still:
@@ -48,18 +59,20 @@ class Still:
     tint: Array
 
 
-def reduced(frames: Bytes, settings: EyeSettings) -> tuple[Bytes, float]:
-    """Frames of at most `discovery_pixels`, and the factor by which they are smaller."""
+def reduced(frames: Bytes, most: float) -> tuple[Bytes, float]:
+    """Frames of at most so many pixels, and the factor by which they are smaller."""
     height, width = frames.shape[1:3]
-    factor = min(1.0, float(np.sqrt(settings.discovery_pixels / (height * width))))
+    factor = min(1.0, float(np.sqrt(most / (height * width))))
     if factor > 0.85:  # nothing is gained
         return frames, 1.0
     size = (round(width * factor), round(height * factor))
     return np.stack([cv2.resize(f, size, interpolation=cv2.INTER_AREA) for f in frames]), size[0] / width
 
 
-def find_regions(frames: Bytes, settings: EyeSettings) -> list[list[Region]]:
-    """Regions of each of the frames (T, H, W, 3), against a background that is learned from them.
+def find_regions(
+    frames: Bytes, settings: EyeSettings, tick: Callable[[], None] = lambda: None
+) -> tuple[list[list[Region]], Still]:
+    """Regions of each of the frames (T, H, W, 3), and the background that is learned from them.
 
     A body that stands for most of the clip is the median there. What is seen after it has gone then differs from the
     median, but its outline is an edge of the median and not of the frame: the frame is taken for the background.
@@ -69,18 +82,22 @@ def find_regions(frames: Bytes, settings: EyeSettings) -> list[list[Region]]:
     still = _still(frames[chosen], settings)
     found: list[list[Region]] = []
     for _ in range(3):
-        found = [regions_of(frame, k, still, settings) for k, frame in enumerate(frames)]
+        found = []
+        for k, frame in enumerate(frames):
+            tick()
+            found.append(regions_of(frame, k, still, settings))
         if not _uncover(frames, found, still, settings):
             break
-    return found
+    return found, still
 
 
 def _still(sample: Bytes, settings: EyeSettings) -> Still:
     middle = np.median(sample, axis=0).astype(np.float32)
     feature = features(middle, settings)
     apart = np.stack([_lit(features(f.astype(np.float32), settings) - feature) for f in sample])
-    noise = 1.48 * np.median(np.abs(apart), axis=0)
-    common = np.maximum(1.48 * np.median(np.abs(apart), axis=(0, 1, 2)), settings.noise_floor)
+    steps = np.abs(np.diff(apart, axis=0)) / np.sqrt(2)  # a body that comes to rest changes a pixel once
+    noise = 1.48 * np.median(steps, axis=0)
+    common = np.maximum(1.48 * np.median(steps, axis=(0, 1, 2)), settings.noise_floor)
     noise = np.minimum(cv2.GaussianBlur(noise, (0, 0), 1.5), 10 * common)
     edges = np.stack(
         [
@@ -152,15 +169,14 @@ def regions_of(frame: Bytes, number: int, still: Still, settings: EyeSettings) -
             own = labels[y : y + h, x : x + w] == part
             if np.percentile(differs[y : y + h, x : x + w][own], 80) < 2 * settings.differs:
                 continue
-            if not is_dark:
-                own = _at_half(own, amount[y : y + h, x : x + w])
-                area = int(own.sum())
-            if area >= settings.least_region:
-                parts.append((own, (x, y), area, is_dark))
+            for half in _at_half(own, amount[y : y + h, x : x + w]):
+                area = int(half.sum())
+                if area >= settings.least_region:
+                    parts.append((half, (x, y), area, is_dark))
     found, height, width = [], *frame.shape[:2]
     for own, corner, area, is_dark in parts:
         v, u = np.nonzero(own)
-        box = (corner[0], corner[1], corner[0] + own.shape[1], corner[1] + own.shape[0])
+        box = (corner[0] + u.min(), corner[1] + v.min(), corner[0] + u.max() + 1, corner[1] + v.max() + 1)
         hull = cv2.convexHull(np.stack([u, v], axis=1).astype(np.int32))
         radius = np.sqrt(area / np.pi)
         gaps = [
@@ -172,6 +188,7 @@ def regions_of(frame: Bytes, number: int, still: Still, settings: EyeSettings) -
             Region(
                 number,
                 corner,
+                (height, width),
                 own,
                 np.array([u.mean() + corner[0], v.mean() + corner[1]]),
                 area,
@@ -185,12 +202,15 @@ def regions_of(frame: Bytes, number: int, still: Still, settings: EyeSettings) -
     return found
 
 
-def _at_half(own: Mask, amount: Array) -> Mask:
-    """The largest part of a region within the outline at which its difference has fallen to half: lens and coding blur
-    edges, and what is left is a shadow or a glow."""
-    kept = _closed((own & (amount > 0.5 * np.percentile(amount[own], 75))).astype(np.uint8))
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(kept, connectivity=4)
-    return np.asarray(labels == 1 + int(np.argmax(stats[1:, 4]))) if len(stats) > 1 else own
+def _at_half(own: Mask, amount: Array) -> list[Mask]:
+    """Parts of a region within the outline at which its difference has fallen to half of that near there: lens and
+    coding blur edges, and what is left is a shadow, a glow, or a bridge between bodies that touch."""
+    inside = np.where(own, cv2.GaussianBlur(amount, (0, 0), 1.0), np.float32(0))
+    reach = max(3, round(0.5 * float(np.sqrt(own.sum() / np.pi))))
+    most = cv2.dilate(inside, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1)))
+    kept = _closed((own & (amount > 0.5 * most)).astype(np.uint8))
+    count, labels = cv2.connectedComponents(kept, connectivity=4)
+    return [np.asarray(labels == part) for part in range(1, count)]
 
 
 def _with_dark_sides(body: Bytes, dark: Bytes, hued: Mask) -> Bytes:
@@ -216,19 +236,11 @@ def _uncover(frames: Bytes, found: list[list[Region]], still: Still, settings: E
     first: one that a body still touches has both edges."""
     uncovered: list[tuple[float, int, tuple[slice, slice], Mask, Array]] = []
     for region in (r for regions in found[:: max(1, len(found) // settings.background_frames)] for r in regions):
-        grown = cv2.copyMakeBorder(region.mask.astype(np.uint8), 3, 3, 3, 3, cv2.BORDER_CONSTANT, value=0)
-        x, y = region.corner[0] - 3, region.corner[1] - 3
-        height, width = still.feature.shape[:2]
-        top, left = max(y, 0), max(x, 0)
-        inside = grown[top - y : height - y, left - x : width - x]
-        window = np.s_[top : top + inside.shape[0], left : left + inside.shape[1]]
-        outer = (cv2.dilate(inside, np.ones((7, 7), np.uint8)) > 0) & (cv2.dilate(inside, np.ones((3, 3))) == 0)
-        inner = (inside > 0) & (cv2.erode(inside, np.ones((5, 5), np.uint8), borderValue=1) == 0)
-        if outer.any() and inner.any():
-            own = features(frames[region.frame][window].astype(np.float32), settings)
-            ratio = _step(still.feature[window], inner, outer) / max(_step(own, inner, outer), 1e-3)
-            if ratio > 1.5:
-                uncovered.append((ratio, len(uncovered), window, cv2.dilate(inside, np.ones((5, 5))) > 0, own))
+        window, inside = _window(region, still.feature.shape[:2])
+        own = features(frames[region.frame][window].astype(np.float32), settings)
+        ratio = _step(still.feature[window], inside) / max(_step(own, inside), 1e-3)
+        if ratio > 1.5:
+            uncovered.append((ratio, len(uncovered), window, cv2.dilate(inside, np.ones((5, 5))) > 0, own))
     done = np.zeros(still.feature.shape[:2], bool)
     for _, _, window, whole, own in sorted(uncovered, key=lambda u: -u[0]):
         if done[window][whole].mean() < 0.5:
@@ -237,8 +249,27 @@ def _uncover(frames: Bytes, found: list[list[Region]], still: Still, settings: E
     return bool(uncovered)
 
 
-def _step(look: Array, inner: Mask, outer: Mask) -> float:
-    """Mean difference of features across a region's outline: each inner pixel against the mean outside near it."""
+def step_across(look: Array, region: Region) -> float:
+    """Mean difference of features (H, W, 3) across a region's outline."""
+    window, inside = _window(region, look.shape[:2])
+    return _step(look[window], inside)
+
+
+def _window(region: Region, shape: tuple[int, ...]) -> tuple[tuple[slice, slice], Bytes]:
+    """Part of the picture with 3 pixels around a region, and the region (h, w) in it."""
+    grown = cv2.copyMakeBorder(region.mask.astype(np.uint8), 3, 3, 3, 3, cv2.BORDER_CONSTANT, value=0)
+    x, y = region.corner[0] - 3, region.corner[1] - 3
+    top, left = max(y, 0), max(x, 0)
+    inside = grown[top - y : shape[0] - y, left - x : shape[1] - x]
+    return np.s_[top : top + inside.shape[0], left : left + inside.shape[1]], np.asarray(inside, dtype=np.uint8)
+
+
+def _step(look: Array, inside: Bytes) -> float:
+    """Mean difference across the outline of a region (h, w): each inner pixel against the mean outside near it."""
+    outer = (cv2.dilate(inside, np.ones((7, 7), np.uint8)) > 0) & (cv2.dilate(inside, np.ones((3, 3))) == 0)
+    inner = (inside > 0) & (cv2.erode(inside, np.ones((5, 5), np.uint8), borderValue=1) == 0)
+    if not outer.any() or not inner.any():
+        return 0.0
     weight = cv2.GaussianBlur(outer.astype(np.float32), (0, 0), 3.0)
     around = cv2.GaussianBlur(np.where(outer[..., None], look, np.float32(0)), (0, 0), 3.0)
     apart = look[inner] - around[inner] / np.maximum(weight[inner], 1e-4)[:, None]

@@ -52,9 +52,11 @@ def test_shadow_is_no_sure_body() -> None:
     assert all(p.kind == "shadow" for p in found if p.ask)
 
 
-def test_still_pictures_with_noise_propose_nothing() -> None:
+def test_still_pictures_with_noise_propose_what_stands_out_and_nothing_else() -> None:
     places = np.tile([[60.0, 50.0]], (COUNT, 1))
-    assert discover(drawn.frames([(places, 9.0, drawn.RED)], noise=4.0)) == []
+    (found,) = discover(drawn.frames([(places, 9.0, drawn.RED)], noise=4.0))
+    assert _off(found, places) < 1.0
+    assert discover(drawn.frames([(places - 200.0, 9.0, drawn.RED)], noise=4.0)) == []
 
 
 def test_dark_place_that_looks_like_the_body_does_not_take_its_place_unsaid() -> None:
