@@ -27,15 +27,17 @@ class Colours:
     def log_density(self, values: Array, local: Floats | None = None) -> Array:
         """Log density (M,) of features (M, 3) at places (M, 2) on the body (-1..1); anywhere on it without."""
         if local is None:
-            shares = np.log(np.exp(self.shares).mean(axis=(0, 1)))
+            shares = np.log(np.exp(self.shares).mean(axis=(0, 1)))[:, None]
         else:
             cells = len(self.shares)
             index = np.clip((local + 1) * (0.5 * cells), 0, cells - 1).astype(int)
-            shares = self.shares[index[:, 1], index[:, 0]]
-        apart = (values[:, None] - self.means) / self.spreads
-        logs = shares - 0.5 * (apart * apart).sum(axis=-1) - np.log(self.spreads).sum(axis=-1) - np.float32(2.757)
-        top = logs.max(axis=1)
-        return np.asarray(top + np.log(np.exp(logs - top[:, None]).sum(axis=1)))
+            shares = self.shares[index[:, 1], index[:, 0]].T
+        logs = shares - np.log(self.spreads).sum(axis=-1)[:, None] - np.float32(2.757)
+        for channel in range(3):
+            apart = (values[:, channel] - self.means[:, channel, None]) / self.spreads[:, channel, None]
+            logs = logs - np.float32(0.5) * apart * apart
+        top = logs.max(axis=0)
+        return np.asarray(top + np.log(np.exp(logs - top).sum(axis=0)))
 
 
 def learn_colours(values: Array, local: Floats, settings: EyeSettings) -> Colours | None:

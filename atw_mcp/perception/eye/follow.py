@@ -133,10 +133,12 @@ def seeded(scene: Scene, body: int, frame: int, pose: Floats) -> State:
 def refit(scene: Scene, seeds: list[dict[int, Floats]]) -> list[States]:
     """Refine every body in every frame with all others where they are, the nearest first; seeds hold.
 
-    Starts are a body's own pose and the course of its neighbouring frames; where it was not seen, their continuation.
+    Frames are taken outward from the seeds. Starts are a body's own pose, the continuation of the frames between it and
+    the nearest seed, and the middle of both its neighbours: what went wrong far from a seed does not spread towards it.
     """
     found: list[States] = [{} for _ in scene.bodies]
-    for k in range(scene.film.count):
+    held = sorted({k for own in seeds for k in own}) or [0]
+    for k in sorted(range(scene.film.count), key=lambda k: min(abs(k - m) for m in held)):
         scene.tick()
         seen = [i for i in range(len(scene.bodies)) if np.isfinite(scene.poses[i, k, 0])]
         hidden = [i for i in range(len(scene.bodies)) if i not in seen]
@@ -144,7 +146,7 @@ def refit(scene: Scene, seeds: list[dict[int, Floats]]) -> list[States]:
             if k in seeds[i]:
                 state: State | None = seeded(scene, i, k, seeds[i][k])
             else:
-                state = _again(scene, i, k)
+                state = _again(scene, i, k, seeds[i])
             if state is None or (k not in seeds[i] and not present(scene, i, state)):
                 scene.poses[i, k] = np.nan
                 continue
@@ -156,12 +158,15 @@ def refit(scene: Scene, seeds: list[dict[int, Floats]]) -> list[States]:
     return found
 
 
-def _again(scene: Scene, body: int, frame: int) -> State | None:
+def _again(scene: Scene, body: int, frame: int, seeds: dict[int, Floats]) -> State | None:
     """Best state among refinements of a body's own pose and of its neighbouring frames' course."""
     poses, count, radius = scene.poses[body], scene.film.count, scene.bodies[body].radius
     known = np.isfinite(poses[:, 0])
     starts = [poses[frame]] if known[frame] else []
-    for a, b in ((frame - 1, frame - 2), (frame + 1, frame + 2)):
+    nearest = min(seeds, key=lambda k: abs(k - frame), default=None)
+    sides = [-1, 1] if nearest is None else [1 if nearest > frame else -1]
+    for side in sides:
+        a, b = frame + side, frame + 2 * side
         if 0 <= a < count and 0 <= b < count and known[a] and known[b]:
             starts.append(2 * poses[a] - poses[b])
     if 0 < frame < count - 1 and known[frame - 1] and known[frame + 1]:

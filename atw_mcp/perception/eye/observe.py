@@ -15,7 +15,8 @@ from atw_mcp.perception.eye.bodies import Body
 from atw_mcp.perception.eye.colours import Colours, learn_colours
 from atw_mcp.perception.eye.follow import States, follow, refit, seeded
 from atw_mcp.perception.eye.likelihood import Scene
-from atw_mcp.perception.eye.pixels import Array, Film, Floats, features, filled, learn_background
+from atw_mcp.perception.eye.order import order_outlines
+from atw_mcp.perception.eye.pixels import Array, Film, Floats, evenly_lit, features, filled, learn_background
 from atw_mcp.perception.eye.seeds import GREYS, Seed, hidden_places, seed_pose, word_map, word_places
 from atw_mcp.perception.eye.settings import EyeSettings
 from atw_mcp.perception.eye.silhouette import centre_error
@@ -54,7 +55,7 @@ def observe(
     hiding (H, W): depth of what never moves and may hide bodies; tick: called once a frame, and may raise to stop.
     """
     settings = settings or EyeSettings()
-    film = Film(frames, settings)
+    film = Film(evenly_lit(frames), settings)
     scene = Scene(film, list(bodies), settings, learn_background(film, _none(film)), hiding)
     scene.tick = tick or scene.tick
     held = _held(scene, seeds)
@@ -71,7 +72,7 @@ def observe(
     scene.poses[:] = np.nan
     states = follow(scene, held)
     for _ in range(settings.rounds):
-        _learn(scene)
+        _learn(scene, held)
         states = refit(scene, held)
         states = reassign(scene, states, held)
     return [_track(scene, i, found, held[i]) for i, found in enumerate(states)], scene
@@ -98,7 +99,10 @@ def _held(scene: Scene, seeds: Sequence[Seed]) -> list[dict[int, Floats]]:
 
 
 def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
-    """Pixels (S, H, W) that look in a frame as they do where a seed shows a body: the body may still stand there."""
+    """Pixels (S, H, W) that look in a frame as they do where a seed shows a body: the body may still stand there.
+
+    Where most of its pixels do it stands there, and its blurred rim too, else the rim is taken for background.
+    """
     film, chosen = scene.film, scene.film.chosen()
     covered = scene.covered(2.0)
     for i, own in enumerate(held):
@@ -107,15 +111,14 @@ def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
             if min(size) < 2:
                 continue
             rows, columns = slice(corner[1], corner[1] + size[1]), slice(corner[0], corner[0] + size[0])
-            keep = scene.poses.copy()
-            scene.poses[:] = np.nan
-            scene.poses[i, k] = pose
             mask = _mask(scene, i, pose, corner, size)
-            scene.poses[:] = keep
-            own_look = features(film.frames[k, rows, columns].astype(np.float32), scene.settings)
-            look = features(film.frames[chosen, rows, columns].astype(np.float32), scene.settings)
-            alike = (np.abs(look - own_look) < 3 * np.array(scene.settings.least_spread, np.float32)).all(axis=-1)
-            covered[:, rows, columns] |= alike & mask
+            parts = film.frames[[k, *chosen], rows, columns].astype(np.float32)
+            own_look, *looks = (features(cv2.blur(part, (3, 3)), scene.settings) for part in parts)
+            look = np.stack(looks)
+            spread = np.maximum(scene.settings.least_spread, np.sqrt(2) * scene.background.noise).astype(np.float32)
+            alike = (np.abs(look - own_look) < 3 * spread).all(axis=-1)
+            standing = alike[:, filled(scene.bodies[i].polygon(pose), corner, size)].mean(axis=1) > 0.5
+            covered[:, rows, columns] |= (alike | standing[:, None, None]) & mask
     return covered
 
 
@@ -125,7 +128,7 @@ def _alike(scene: Scene) -> NDArray[np.bool_]:
     A body that stands somewhere for most of the clip would else be the median there. Pixels that always do are left.
     """
     s, film = scene.settings, scene.film
-    frames = film.frames[film.chosen()]
+    frames = film.sample
     covered = np.zeros(frames.shape[:3], bool)
     rows, columns = np.nonzero((frames.max(axis=0) - frames.min(axis=0)).max(axis=-1) > 2 * s.dark_level)
     usual = features(frames[:: max(1, len(frames) // 4)].reshape(-1, 3)[::97].astype(np.float32), s)
@@ -217,15 +220,16 @@ def _tried(
     return total, found
 
 
-def _learn(scene: Scene) -> None:
+def _learn(scene: Scene, held: list[dict[int, Floats]]) -> None:
     """Learn background, colours and shade from all poses."""
-    scene.background = learn_background(scene.film, scene.covered(3.0))
+    scene.background = learn_background(scene.film, scene.covered(3.0) | _at_seeds(scene, held))
     count = scene.film.count
     frames = sorted(set(np.linspace(0, count - 1, min(count, scene.settings.background_frames)).astype(int).tolist()))
     for i in range(len(scene.bodies)):
         own = [k for k in range(count) if np.isfinite(scene.poses[i, k, 0])]
         scene.learn_body(i, own[:: max(1, len(own) // 24)])
     scene.learn_shades(frames)
+    order_outlines(scene)
 
 
 def _track(scene: Scene, body: int, states: States, seeds: dict[int, Floats]) -> Track:
@@ -254,15 +258,15 @@ def _continuity(
 ) -> tuple[tuple[int, ...], NDArray[np.bool_]]:
     """Frames at which a body jumps, and whether each frame (T,) is tied to a seed by motion without jumps or gaps.
 
-    A jump is farther, by `jump` radii, than the motion around it goes in a frame.
+    A jump differs by more than `jump` radii from rest and from the displacements before and after it.
     """
     s, seen = scene.settings, np.flatnonzero(np.isfinite(centres[:, 0]))
-    moved = np.linalg.norm(np.diff(centres[seen], axis=0), axis=1) / np.maximum(np.diff(seen), 1)
+    moved = np.diff(centres[seen], axis=0) / np.maximum(np.diff(seen), 1)[:, None]
     breaks, piece = [], np.zeros(len(seen), int)
     for m, step in enumerate(moved):
-        around = np.concatenate([moved[max(m - 3, 0) : m], moved[m + 1 : m + 4]])
-        usual = float(np.max(around)) if len(around) else 0.0
-        jumped = step > s.jump * shape.radius(poses[seen[m + 1]]) + s.faster * usual
+        around = [np.zeros(2), *moved[max(m - 1, 0) : m], *moved[m + 1 : m + 2]]
+        beyond = min(float(np.linalg.norm(step - v) - (s.faster - 1) * np.linalg.norm(v)) for v in around)
+        jumped = beyond > s.jump * shape.radius(poses[seen[m + 1]])
         if jumped:
             breaks.append(int(seen[m + 1]))
         piece[m + 1] = piece[m] + (jumped or seen[m + 1] - seen[m] > s.gap)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -23,7 +24,8 @@ def features(levels: Array, settings: EyeSettings) -> Array:
     """
     logs = np.log(levels + np.float32(settings.dark_level), dtype=np.float32)
     green = logs[..., 1]
-    return np.stack([logs.mean(axis=-1), logs[..., 2] - green, logs[..., 0] - green], axis=-1)
+    brightness = (logs[..., 0] + green + logs[..., 2]) * np.float32(1 / 3)
+    return np.stack([brightness, logs[..., 2] - green, logs[..., 0] - green], axis=-1)
 
 
 def sampled(image: NDArray[np.float32] | NDArray[np.uint8], points: Floats) -> Array:
@@ -39,6 +41,21 @@ def _rows(points: Floats) -> Array:
     padded = np.zeros((-(-len(points) // 16384) * 16384, 2), np.float32)
     padded[: len(points)] = points
     return padded.reshape(-1, 16384, 2)
+
+
+def evenly_lit(frames: Bytes) -> Bytes:
+    """Frames (T, H, W, 3) without changes of exposure: levels scaled so that the median pixel keeps its own."""
+    sample = frames[:, ::8, ::8].reshape(len(frames), -1, 3).astype(np.float32)
+    usual = np.median(sample, axis=0)
+    seen = ((usual > 12) & (usual < 245)).all(axis=1)  # neither black nor clipped
+    if not seen.any():
+        return frames
+    gain = np.median(usual[seen] / np.maximum(sample[:, seen], 1.0), axis=1)
+    if np.abs(gain - 1).max() < 0.02:
+        return frames
+    levels = np.arange(256, dtype=np.float32)[:, None]
+    tables = [np.clip(np.round(levels * g), 0, 255).astype(np.uint8)[None] for g in gain]
+    return np.stack([cv2.LUT(frame, table) for frame, table in zip(frames, tables, strict=True)])
 
 
 def filled(polygon: Floats, corner: tuple[int, int], size: tuple[int, int]) -> Mask:
@@ -69,6 +86,21 @@ class Film:
         count = min(self.count, self.settings.background_frames)
         return np.unique(np.linspace(0, self.count - 1, count).astype(int))
 
+    @cached_property
+    def sample(self) -> Bytes:
+        """The chosen frames."""
+        return self.frames[self.chosen()]
+
+    @cached_property
+    def middle(self) -> Array:
+        """Levels (H, W, 3) of the median of the chosen frames, whatever they show."""
+        middle = np.empty(self.frames.shape[1:], np.float32)
+        for row in range(0, self.height, 64):  # in strips, for the sake of memory
+            strip = np.s_[row : row + 64]
+            half = np.partition(self.sample[:, strip], len(self.sample) // 2, axis=0)[len(self.sample) // 2]
+            middle[strip] = _averaged(self.sample[:, strip], half.astype(np.float32))
+        return middle
+
 
 @dataclass(frozen=True)
 class Background:
@@ -89,9 +121,8 @@ def learn_background(film: Film, covered: NDArray[np.bool_]) -> Background:
 
     covered (S, H, W): whether a pixel of a chosen frame is, or may be, a body's.
     """
-    settings, frames = film.settings, film.frames[film.chosen()]
-    middle = np.sort(frames, axis=0)[len(frames) // 2].astype(np.float32)
-    middle = _averaged(frames, middle)
+    settings, frames = film.settings, film.sample
+    middle = film.middle.copy()
     rows, columns = np.nonzero(covered.any(axis=0))
     hole = np.zeros(middle.shape[:2], bool)
     if len(rows):
