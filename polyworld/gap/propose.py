@@ -48,7 +48,7 @@ class Start:
 class Projection:
     """Residuals and slopes of a fit, weighted, with what states and shared unknowns take up projected off.
 
-    Departures of states from their priors are residuals, too: a spin that nobody measured takes up what it costs little.
+    Departures of states from their priors are residuals, too: a spin that nobody measured takes up what it may.
     """
 
     def __init__(self, fitted: Fitted) -> None:
@@ -69,7 +69,7 @@ class Projection:
         self.rest: Array = self.off_shared(np.concatenate(rest))[:, 0]
 
     def off_states(self, run: int, slopes: Array, departures: Array | float = 0.0) -> Array:
-        """Return slopes (m, K) of one run, and departures (n, K) of its states, less what its initial state takes up."""
+        """Return slopes (m, K) of one run, and departures (n, K) of its state, less what its initial state takes up."""
         basis = self.bases[run]
         weighted = np.zeros((len(basis), slopes.shape[1]))
         weighted[: len(slopes)], weighted[len(slopes) :] = slopes * self.roots[run][:, None], departures
