@@ -82,10 +82,8 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
         lost = [f for f in lost if f.hypothesis.names < named.hypothesis.names]
     if len(lost) > settings.share * len(drawn) and not competitors:
         competitors = sorted({id(f): f for f in lost}.values(), key=lambda f: f.total)[:4]
-    dropped = (
-        choice.chosen.total < named.total - settings.nats and named.hypothesis.names < choice.chosen.hypothesis.names
-    )
-    if named is not null and dropped and not competitors:  # as a part of the remainder, but it predicts better
+    left_out = named.hypothesis.names < choice.chosen.hypothesis.names  # as a part of the remainder
+    if named is not null and left_out and choice.chosen.total < named.total - settings.nats and not competitors:
         competitors = [choice.chosen]
     kind, reasons = _kind(named, null, competitors, _weak(named, pool, share))
     alone = [p.candidate.name for p in named.hypothesis.parts if _in_one_run(p, named, trusted, null)]
