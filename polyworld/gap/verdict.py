@@ -82,9 +82,9 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
         lost = [f for f in lost if f.hypothesis.names < named.hypothesis.names]
     if len(lost) > settings.share * len(drawn) and not competitors:
         competitors = sorted({id(f): f for f in lost}.values(), key=lambda f: f.total)[:4]
-    left_out = named.hypothesis.names < choice.chosen.hypothesis.names  # as a part of the remainder
-    if named is not null and left_out and choice.chosen.total < named.total - settings.nats and not competitors:
-        competitors = [choice.chosen]
+    richer = named.hypothesis.names < choice.best.hypothesis.names  # left out as a part of what runs have of their own
+    if named is not null and richer and choice.best.total < named.total - settings.nats and not competitors:
+        competitors = [choice.best]
     kind, reasons = _kind(named, null, competitors, _weak(named, pool, share))
     alone = [p.candidate.name for p in named.hypothesis.parts if _in_one_run(p, named, trusted, null)]
     if kind in ("identified", "identified_with_remainder") and alone:
