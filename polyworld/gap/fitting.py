@@ -140,7 +140,7 @@ def neighbours(fitted: Fitted) -> tuple[Array, Array, Array]:
         both = grid[1:] * grid[:-1]
         pairs = np.isfinite(both)
         sums.append((np.nansum(both), np.nansum(grid[1:] ** 2 * pairs), pairs.sum()))
-    product, square, count = np.array(sums, dtype=float).T
+    product, square, count = np.array(sums, dtype=float).reshape(-1, 3).T
     return product, square, count
 
 
