@@ -152,7 +152,10 @@ def _by_runs(fitted: Fitted) -> None:
 def refit_states(
     fitted: Fitted, shared: Array, states: Sequence[Array], refits: int = REFITS
 ) -> tuple[Array, list[Array]]:
-    """Refit the initial state of each run at shared unknowns (R, S) of its own; return its errors (R,), residuals."""
+    """Refit the initial state of each run at shared unknowns (R, S) of its own; return its errors (R,), residuals.
+
+    What priors say against a state counts as a residual does: no unlikely spin may make up for a law that is missing.
+    """
     problem = fitted.problem
     best = np.full(len(states), np.inf)
     kept = [one.residuals for one in fitted.slopes]
@@ -168,14 +171,14 @@ def refit_states(
             settings.append((run[0], np.repeat(common[None], n + 1, axis=0), points))
             widths.append(step)
         for r, (one, width) in enumerate(zip(problem.evaluate(settings, 1.0), widths, strict=True)):
-            residual = one.residuals[0]
-            error = run_error(residual, len(states[r]), columns[r])
+            residual, prior = one.residuals[0], problem.runs[r][0].states.prior
+            unlikely = float((((states[r] - prior[:, 0]) / prior[:, 1]) ** 2).sum())
+            error = run_error(residual, len(states[r]), columns[r]) * np.sqrt(1.0 + unlikely / len(residual))
             if error < best[r]:
                 best[r], kept[r] = error, residual
             if not len(width):
                 continue
             slopes = ((one.residuals[1:] - residual) / width[:, None]).T
-            prior = problem.runs[r][0].states.prior
             inverse = np.where(np.isfinite(prior[:, 1]), prior[:, 1], np.inf) ** -2.0
             w = huber_weights(residual, fitted.ground.settings.soft * max(1.0, robust_scale(residual, columns[r])))
             own_matrix = (slopes * w[:, None]).T @ slopes

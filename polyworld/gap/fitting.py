@@ -131,17 +131,34 @@ def robust_scale(residuals: Array, columns: NDArray[np.int64]) -> float:
     return 1.4826 * max([float(np.median(o)) for o in own] or [float(np.median(np.abs(residuals)))])
 
 
+def neighbours(fitted: Fitted) -> tuple[Array, Array, Array]:
+    """Return by run (R,), each scaled to unit size since no single one decides, the sums of products of held-out
+    residuals that follow each other and of squares of the later ones, and how many pairs there are."""
+    sums = []
+    for grid in fitted.grids:
+        grid = grid / max(float(np.sqrt(np.nanmean(grid**2))), 1e-300)
+        both = grid[1:] * grid[:-1]
+        pairs = np.isfinite(both)
+        sums.append((np.nansum(both), np.nansum(grid[1:] ** 2 * pairs), pairs.sum()))
+    product, square, count = np.array(sums, dtype=float).reshape(-1, 3).T
+    return product, square, count
+
+
 def independent_share(fitted: Fitted) -> float:
     """Return the share (1 - phi) / (1 + phi) of held-out residuals that count as independent, by their lag-1
     correlation phi."""
-    product = square = 0.0
-    for grid in fitted.grids:
-        grid = grid / max(float(np.sqrt(np.nanmean(grid**2))), 1e-300)  # no single run decides
-        both = grid[1:] * grid[:-1]
-        product += float(np.nansum(both))
-        square += float(np.nansum(grid[1:] ** 2 * np.isfinite(both)))
-    phi = float(np.clip(product / max(square, 1e-300), 0.0, MOST))
+    product, square, _ = neighbours(fitted)
+    phi = float(np.clip(product.sum() / max(square.sum(), 1e-300), 0.0, MOST))
     return (1.0 - phi) / (1.0 + phi) if phi > UNCORRELATED else 1.0
+
+
+def correlation_evidence(fitted: Fitted) -> Array:
+    """Return by run (R,) the evidence in nats that its held-out residuals are no white noise: z^2 / 2 of their lag-1
+    correlation, less the logarithm of how many runs are looked through (Bartlett 1946, JRSS Suppl. 8, 27)."""
+    product, square, count = neighbours(fitted)
+    z = np.maximum(product, 0.0) / np.maximum(square, 1e-300) * np.sqrt(count)
+    found: Array = 0.5 * z**2 - np.log(len(z))
+    return found
 
 
 def share_left(before: float, after: float) -> float:

@@ -42,6 +42,11 @@ class Part:
         return bool(self.variant.idle) or self.candidate.local or self.bends
 
     @property
+    def placed(self) -> bool:
+        """Whether it has a place or a rhythm of its own, beside the velocity of what it moves against."""
+        return self.candidate.local or self.bends or any("velocity" not in i for i in self.variant.idle)
+
+    @property
     def bends(self) -> bool:
         """Whether it is an observer's fault that changes from place to place."""
         return self.candidate.group == "observer" and any(w in self.candidate.name for w in ("distortion", "keystone"))
@@ -99,8 +104,7 @@ class Hypothesis:
         own."""
         total = 0.0
         for p in self.parts:
-            place = p.candidate.local or p.bends or any("velocity" not in i for i in p.variant.idle)
-            total += len(p.shared) + settings.place_cost * place
+            total += len(p.shared) + settings.place_cost * p.placed
             total += settings.state_cost * len(p.own)
         return total
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from polyworld.estimation.least_squares import Point
 from polyworld.estimation.least_squares import huber_weights as weights
 from polyworld.gap.candidate import Candidate
+from polyworld.gap.cross_validation import FARTHEST
 from polyworld.gap.fitting import Fitted, fit
 from polyworld.gap.hypothesis import Hypothesis, extended, replace_starts, starts_of
 from polyworld.gap.kinks import kinks
@@ -45,24 +46,34 @@ class Start:
 
 
 class Projection:
-    """Residuals and slopes of a fit, weighted, with what states and shared unknowns take up projected off."""
+    """Residuals and slopes of a fit, weighted, with what states and shared unknowns take up projected off.
+
+    Departures of states from their priors are residuals, too: a spin that nobody measured takes up what it may.
+    """
 
     def __init__(self, fitted: Fitted) -> None:
         threshold = fitted.problem.settings.huber
         self.roots = [np.sqrt(weights(one.residuals, threshold)) for one in fitted.slopes]
-        self.bases = [
-            np.linalg.qr(one.states * w[:, None] + 1e-300)[0] for one, w in zip(fitted.slopes, self.roots, strict=True)
-        ]
+        self.departures: list[Array] = []
+        self.bases: list[Array] = []
+        for one, w, own, run in zip(fitted.slopes, self.roots, fitted.of_states(), fitted.problem.runs, strict=True):
+            mean, width = run[0].states.prior.T
+            self.departures.append(fitted.scale * ((own - mean) / width)[:, None])
+            moved = np.concatenate([one.states * w[:, None], np.diag(fitted.scale / width)])
+            basis, size, _ = np.linalg.svd(moved * run[0].states.typical, full_matrices=False)
+            self.bases.append(basis[:, FARTHEST * size > 1.0])  # the rest moves less than the noise
         shared = np.concatenate([self.off_states(r, one.shared) for r, one in enumerate(fitted.slopes)])
-        rest = np.concatenate([self.off_states(r, one.residuals[:, None]) for r, one in enumerate(fitted.slopes)])
         size = np.linalg.norm(shared, axis=0)
         self.shared = np.linalg.qr(shared[:, size > 0.0] / size[size > 0.0])[0] if (size > 0.0).any() else None
-        self.rest: Array = self.off_shared(rest)[:, 0]
+        rest = [self.off_states(r, one.residuals[:, None], self.departures[r]) for r, one in enumerate(fitted.slopes)]
+        self.rest: Array = self.off_shared(np.concatenate(rest))[:, 0]
 
-    def off_states(self, run: int, slopes: Array) -> Array:
-        """Return slopes (m, K) of one run less what its initial state takes up."""
-        weighted = slopes * self.roots[run][:, None]
-        found: Array = weighted - self.bases[run] @ (self.bases[run].T @ weighted)
+    def off_states(self, run: int, slopes: Array, departures: Array | float = 0.0) -> Array:
+        """Return slopes (m, K) of one run, and departures (n, K) of its state, less what its initial state takes up."""
+        basis = self.bases[run]
+        weighted = np.zeros((len(basis), slopes.shape[1]))
+        weighted[: len(slopes)], weighted[len(slopes) :] = slopes * self.roots[run][:, None], departures
+        found: Array = weighted - basis @ (basis.T @ weighted)
         return found
 
     def off_shared(self, slopes: Array) -> Array:
@@ -98,7 +109,7 @@ def proposals(
             else:
                 own += _scored(parent, hypothesis, projection, keep, share)
             phases = candidate.plain and any(p.rescales for p in parent.hypothesis.parts)
-            courses = candidate.group == "contact" and parent.scale > parent.ground.settings.near_noise
+            courses = candidate.group == "contact" and parent.error > parent.ground.settings.near_noise
             if part.shared and (phases or courses):
                 added = np.array([u.start + (SMALL * u.typical if u.lower >= u.start else 0.0) for u in part.shared])
                 early = _point(parent, hypothesis, added, parent.early)  # what comes later is elsewhere
@@ -141,7 +152,7 @@ def _scored(parent: Fitted, hypothesis: Hypothesis, projection: Projection, keep
         moved = one.residuals.reshape(k, a + 1, -1)
         z = (moved[:, 1:] - moved[:, :1]) / step[:, acting][:, :, None]  # (k, a, m)
         slopes.append(projection.off_states(r, z.reshape(k * a, -1).T))
-        starting.append(projection.off_states(r, moved[:, 0].T))
+        starting.append(projection.off_states(r, moved[:, 0].T, projection.departures[r]))
     every = projection.off_shared(np.concatenate(slopes)).T.reshape(k, a, -1)
     rests = projection.off_shared(np.concatenate(starting)).T
     found = []
@@ -269,8 +280,8 @@ def _dropped(parent: Fitted, hypothesis: Hypothesis, projection: Projection, kee
     onsets = 0.5 * (stamps[2:-3] + stamps[3:-2])
     late = stamps[readout.rows()][:, None] > onsets[None]
     every = np.zeros((len(projection.rest), len(onsets)))
-    before = sum(len(root) for root in projection.roots[:r])
-    every[before : before + len(slope)] = projection.off_states(r, slope[:, None] * late)
+    before, own_slopes = sum(map(len, projection.bases[:r])), projection.off_states(r, slope[:, None] * late)
+    every[before : before + len(own_slopes)] = own_slopes
     every = projection.off_shared(every)
     square = (every**2).sum(axis=0)
     shift = -(every.T @ projection.rest) / np.maximum(square, 1e-12 * square.max(initial=1.0))

@@ -147,7 +147,7 @@ def better_term(search: Search, best: Fitted) -> Fitted | None:
     terms = [t.candidate() for t in library(ground.world, ground.recording)]
     found = []
     for start in sorted(proposals(parent, terms, 1, search.share), key=lambda s: -s.gain)[: ground.settings.branches]:
-        one = fit(ground, start.hypothesis, start.point, iterations=ground.settings.full, scale=parent.scale)
+        one = fit(ground, start.hypothesis, start.point, iterations=ITERATIONS, scale=parent.scale)
         predict_left_out(one, search.folds)
         rate(one, search.share * search.counts)
         found.append(one)

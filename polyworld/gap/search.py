@@ -64,9 +64,13 @@ class Search:
         self.report("plain laws", {"best": self.pool[0].hypothesis.title})
 
     def _same_laws(self, singles: Sequence[Fitted]) -> None:
-        """Note laws that predict what another does: beside further laws the other stands for them."""
-        for k, f in enumerate(singles):
-            for g in singles[:k]:
+        """Note laws that predict what another does: beside further laws the other stands for them.
+
+        Laws that a bound keeps at nothing are alike only as long as they are alone.
+        """
+        acting = [f for f in singles if any(v != u.start for u, v in zip(f.hypothesis.unknowns, f.values, strict=True))]
+        for k, f in enumerate(acting):
+            for g in acting[:k]:
                 (one,), (other,) = f.hypothesis.names, g.hypothesis.names
                 if one != other and other not in self._same and equivalent(f, g, self.null):
                     self._same.add(one)

@@ -26,7 +26,8 @@ class GapSettings:
     noise, near which predictions are, that is no law of its own: laws of resistance hold to some per cent. noise_error:
     relative, of the noise as differences of a thousand samples give it. excluded: nats by which an impossible
     hypothesis has to be better for "nothing is missing" to be wrong, and one with a law for it not to be zero though
-    its interval contains zero: three times `nats`.
+    its interval contains zero, and evidence that what a law leaves is correlated, from which on it is not named: three
+    times `nats`.
 
     Search. depth: most laws together. branches: hypotheses of one depth that are extended. starts: of a law with
     places that are fitted. tried: hypotheses of one depth that are fitted to the end. samples: of a run that are

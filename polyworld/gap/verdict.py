@@ -12,7 +12,7 @@ from scipy.stats import norm, t
 
 from polyworld.gap.choose import choose, credible, distinct, helped, helped_folds, winners
 from polyworld.gap.cross_validation import reduced
-from polyworld.gap.fitting import Fitted, independent_share, share_left
+from polyworld.gap.fitting import Fitted, correlation_evidence, independent_share, share_left
 from polyworld.gap.hypothesis import Part
 
 Array = NDArray[np.float64]
@@ -82,6 +82,9 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
         lost = [f for f in lost if f.hypothesis.names < named.hypothesis.names]
     if len(lost) > settings.share * len(drawn) and not competitors:
         competitors = sorted({id(f): f for f in lost}.values(), key=lambda f: f.total)[:4]
+    richer = named.hypothesis.names < choice.best.hypothesis.names  # left out as a part of what runs have of their own
+    if named is not null and richer and choice.best.total < named.total - settings.nats and not competitors:
+        competitors = [choice.best]
     kind, reasons = _kind(named, null, competitors, _weak(named, pool, share))
     alone = [p.candidate.name for p in named.hypothesis.parts if _in_one_run(p, named, trusted, null)]
     if kind in ("identified", "identified_with_remainder") and alone:
@@ -178,8 +181,28 @@ def _kind(
     if weak:
         return "unexplained", (f"the interval of {', '.join(weak)} contains zero",)
     if after < settings.near_noise:
-        return "identified", ()
+        correlated = _correlated(named)
+        if not correlated:
+            return "identified", ()
+        return "unexplained", (
+            f"what is left of run {correlated} is no noise: errors that follow each other are alike",
+        )
+    bending = [p.candidate.name for p in named.hypothesis.parts if p.placed and not p.candidate.local]
+    if bending:
+        return "unexplained", (f"{', '.join(bending)} bends to whatever is left, and leaves much of it",)
     return "identified_with_remainder", ()
+
+
+def _correlated(named: Fitted) -> str:
+    """Return the run whose held-out residuals are least like white noise, "" where all are like it.
+
+    Of few runs stretches are predicted, whose errors share those of the parameters.
+    """
+    runs, settings = named.ground.recording.runs, named.ground.settings
+    if len(runs) < settings.fewest_runs:
+        return ""
+    evidence = correlation_evidence(named)
+    return runs[int(evidence.argmax())].name if evidence.max() > settings.excluded else ""
 
 
 def intervals(fitted: Fitted, level: float = 0.95) -> Array:

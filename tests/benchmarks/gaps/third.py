@@ -20,8 +20,10 @@ NAMES = {
     "clock_rate": "observer_clock", "restitution_slope": "restitution_speed", "restitution_power": "restitution_speed",
     "dry_friction": "joint_friction", "wrong_friction": "friction_error", "wrong_length": "length_error",
     "patch": "friction_patch",
+    # In the pivot's frame, where angles are measured, its shaking is a uniform force: L th'' = -g sin th - a(t) cos th.
+    "shaken_pivot": "periodic_forcing",
 }  # fmt: skip
-UNKNOWN = {"cubic_drag", "shear_wind", "decaying_push", "shaken_pivot", "fading_spring", "stiffening_spring"}
+UNKNOWN = {"cubic_drag", "shear_wind", "decaying_push", "fading_spring", "stiffening_spring"}
 # One law of one coordinate, of a body that slides on a level plane, or of bounces at one angle.
 ALIKE = {"viscous_friction": "linear_drag", "joint_damping": "linear_drag"}
 ALIKE_BALL = {"friction_error": "bounce_friction"}

@@ -13,7 +13,7 @@ from polyworld.data.recording import Recording, Run
 from polyworld.gap import GapSettings
 from polyworld.gap.catalogue import named
 from polyworld.gap.choose import choose, resampled, score, winners
-from polyworld.gap.fitting import Fitted, fit
+from polyworld.gap.fitting import Fitted, correlation_evidence, fit
 from polyworld.gap.ground import ground_of
 from polyworld.gap.hypothesis import Hypothesis, extended
 from polyworld.gap.verdict import intervals
@@ -36,6 +36,14 @@ def test_correlated_residuals_count_as_so_many_independent_ones_as_their_mean_sa
     """The variance of a mean of n values is (1 + phi) / (1 - phi) / n (Bartlett 1935)."""
     share = score([predicted(np.full(6, 1.1), 1.0, phi), predicted(np.full(6, 5.0), 0.0)], COUNTS)
     assert share == pytest.approx((1.0 - phi) / (1.0 + phi), rel=0.1)
+
+
+@pytest.mark.parametrize(("phi", "times"), [(0.1, 1.0), (0.3, 1.0), (-0.3, 0.0)])
+def test_evidence_of_correlation_is_half_the_squared_score(phi: float, times: float) -> None:
+    """The correlation of n values that are independent has a variance of 1 / n (Bartlett 1946)."""
+    evidence = correlation_evidence(predicted(np.full(6, 1.1), 1.0, phi))
+    assert np.median(evidence) == pytest.approx(times * 0.5 * phi**2 * 1999 * 3 - np.log(6.0), rel=0.2)
+    assert np.all(correlation_evidence(predicted(np.full(6, 1.1), 1.0)) < SETTINGS.excluded)
 
 
 def test_the_simplest_of_those_near_the_best_is_chosen() -> None:

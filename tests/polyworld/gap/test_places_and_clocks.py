@@ -95,3 +95,13 @@ def test_a_rough_patch_of_the_floor_is_found_at_its_place() -> None:
     found = values(report)
     assert np.allclose([found["x"], found["y"], found["radius"]], [*centre, radius], atol=0.02)
     assert abs(found["friction"] - 0.2) < 0.01
+
+
+def test_a_tether_that_bends_to_a_pull_of_another_law_is_not_named() -> None:
+    """A pull by the cube of the distance, which a tether halves the error of, tenfold above the noise."""
+    centre = np.array([0.0, 0.0, 1.0])
+    pulled = Bouncing(acceleration=lambda _t, x, _v, _w: -3.0 * np.linalg.norm(x - centre) ** 2 * (x - centre))
+    verdict = find_gap(ball_world(), flown(pulled, 4), candidates=named(["tether", "tilt"])).verdict
+    assert verdict.kind == "unexplained"
+    assert verdict.after < 0.5 * verdict.before
+    assert "bends to whatever is left" in verdict.reasons[0]
