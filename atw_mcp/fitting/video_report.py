@@ -149,7 +149,8 @@ def _doubts(steps: Steps, fitted: Step, model: VideoModel) -> list[str]:
 def _error(error: ObjectError) -> str:
     pixels = "" if error.pixels is None else f"{error.pixels:.2g} px, "
     noise = f", {error.metres / error.noise:.2g} times the noise" if error.noise > 0.0 else ""
-    return f"{pixels}{error.metres:.2g} m rms ({100 * error.metres / error.radius:.2g}% of its radius{noise})"
+    share = error.metres / error.radius
+    return f"{pixels}{error.metres:.2g} m rms ({share:.{0 if share >= 0.1 else 1}%} of its radius{noise})"
 
 
 def _matching(model: VideoModel) -> dict[str, Any]:

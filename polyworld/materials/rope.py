@@ -95,7 +95,7 @@ def _stretched(world: World, rope: Rope) -> list[str]:
     if strain <= TIGHT:
         return []
     return [
-        f"rope {rope.name} starts stretched by {100.0 * strain:.2g} %, with a tension of "
+        f"rope {rope.name} starts stretched by {100.0 * strain:.1f} %, with a tension of "
         f"{rope.stretch_stiffness * strain:.3g} N: give it length {rope.length * (1.0 + strain):.4g} (or none, for a "
         "start without tension), or shorten its way"
     ]
