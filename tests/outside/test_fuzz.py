@@ -28,7 +28,7 @@ from tests.atw_mcp.two_discs import case_with, two_discs
 from tests.outside.random_calls import calls
 
 Call = Callable[[str, dict[str, Any]], Any]
-COUNT = int(os.environ.get("ATW_MCP_RANDOM_CALLS", "30"))
+COUNT = int(os.environ.get("ATW_MCP_RANDOM_CALLS", "15"))
 GROWTH = 600e6  # [B] that random calls may add to the process: the engine and its kernels take most of it
 LONGEST = 60.0  # [s] a call may take before the server counts as hung
 MOST_TEXT = 8_000  # characters of an error, about 3,000 tokens

@@ -144,6 +144,7 @@ def _bucket() -> World:
     return World(objects=(bucket,), deformables=(water,), fluid_grid=grid)
 
 
+@pytest.mark.benchmark
 def test_light_bucket_held_by_a_support_bears_the_water_in_it() -> None:
     """A bucket's support carries the water too: the water's push is predicted, so that the support can resist it.
 

@@ -55,6 +55,7 @@ def _run(
     return own.points[0], own.velocities[0], kinetic, height
 
 
+@pytest.mark.benchmark
 @pytest.mark.parametrize(
     ("thickness", "fastest"), [pytest.param(0.0004, 0.04, marks=pytest.mark.benchmark), (0.004, 0.15)]
 )

@@ -122,6 +122,7 @@ def test_seeds_follow_both_bodies_through_their_crossing(crossing: tuple[Clip, I
     assert scored(seen, clip, "red", 1).mean() > 0.9
 
 
+@pytest.mark.benchmark
 def test_masks_in_seeded_frames_outlive_all_later_corrections(crossing: tuple[Clip, ImageObservation]) -> None:
     clip, nothing = crossing
     # Deliberately wrong by a few pixels, so that nothing would find it again by itself.
@@ -139,6 +140,7 @@ def test_masks_in_seeded_frames_outlive_all_later_corrections(crossing: tuple[Cl
     assert {c.frame for c in back.constraints if hasattr(c, "frame") and c.object == "puck"} == {4, 20}
 
 
+@pytest.mark.benchmark
 def test_order_of_corrections_does_not_matter(crossing: tuple[Clip, ImageObservation]) -> None:
     clip, nothing = crossing
     said: list[Correction] = [

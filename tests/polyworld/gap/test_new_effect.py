@@ -11,6 +11,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 LAW = '''
 """A push along x in one half of space: nothing for x < 0, constant beyond."""
 
@@ -98,6 +100,7 @@ print(json.dumps({
 """
 
 
+@pytest.mark.benchmark
 def test_an_effect_that_is_one_new_file_is_proposed_where_it_is_missing(tmp_path: Path) -> None:
     (tmp_path / "half_space_push.py").write_text(LAW)
     done = subprocess.run(

@@ -1,6 +1,7 @@
 """Laws with a place, a rhythm or a flow: found where they act, and not named where a plain law does the same."""
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
 from polyworld.data.recording import Array, Recording, Run
@@ -97,6 +98,7 @@ def test_a_rough_patch_of_the_floor_is_found_at_its_place() -> None:
     assert abs(found["friction"] - 0.2) < 0.01
 
 
+@pytest.mark.benchmark
 def test_a_tether_that_bends_to_a_pull_of_another_law_is_not_named() -> None:
     """A pull by the cube of the distance, which a tether halves the error of, tenfold above the noise."""
     centre = np.array([0.0, 0.0, 1.0])
