@@ -67,6 +67,7 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
             names = _match(app, case, request, seen, steps, model, progress)
         building = _build_arguments(request, model, names)
         built = steps.call("BuildWorld", case=case.id, **building)
+        names = [name for name in names if name in built.evidence.objects]
         fitted = steps.call("FitWorld", case=case.id, world=built.evidence.world, **_fit_arguments(request, names))
         _compare(app, case, fitted, model, progress)
         other = built.data.get("alternative_representation")

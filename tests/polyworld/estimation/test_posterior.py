@@ -78,3 +78,19 @@ def test_equal_seeds_give_equal_bytes_and_others_do_not() -> None:
     own = LinearProblem([1], [shared_unknown(0)])
     drawn = [sample(own, own.fit(), 16, seed).shared.tobytes() for seed in (1, 1, 2)]
     assert drawn[0] == drawn[1] != drawn[2]
+
+
+def test_a_minimum_in_the_corner_of_many_bounds_is_sampled() -> None:
+    """Of draws about such a corner one in thousands is within all bounds; constants that nothing shows have priors, of
+    which the part within the bound is left."""
+    count = 14
+    one = shared_unknown(0, prior=(-0.5, 1.0), lower=0.0, start=0.5, typical=0.5)
+    own = LinearProblem([1], [one] * count)
+    for column in range(count):
+        own = deaf(own, column)
+    found = own.fit()
+    assert np.abs(found.point.shared).max() < 1e-6
+    drawn = sample(own, found, COUNT, 5, MANY).shared
+    assert drawn.min() >= 0.0
+    exact = truncnorm(0.5, np.inf, loc=-0.5)
+    assert np.median(drawn.mean(axis=0)) == pytest.approx(exact.mean(), abs=0.15)
