@@ -41,7 +41,7 @@ class AnswerToOne(Result):
     place: dict[str, Likely] | None = Field(
         default=None, description="of where: by axis; in its own record also by pixel u, v"
     )
-    by_world: dict[str, float | dict[str, float] | None] | None = Field(
+    by_world: dict[str, float | Triple | dict[str, float] | None] | None = Field(
         default=None, description="of several worlds: what each answers by itself, a probability or medians"
     )
     decided_by: Split | None = Field(default=None, description="the parameter that decides it, where one does")

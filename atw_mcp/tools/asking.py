@@ -243,8 +243,8 @@ def _by_world(
     found: dict[str, Any] = {}
     for base, world, part in zip(bases, plan.worlds, parts, strict=True):
         about = answered(asked, part, compute_rollout(app, world, horizon)[1], world)
-        medians = {axis: about["place"][axis]["median"] for axis in "xyz"} if "place" in about else None
-        value = about["value"]["median"] if "value" in about else None
+        medians = [round(about["place"][axis]["median"], 3) for axis in "xyz"] if "place" in about else None
+        value = round(about["value"]["median"], 3) if "value" in about else None
         found[base.id] = about.get("probability", about.get("probabilities", medians or value))
     return found
 
