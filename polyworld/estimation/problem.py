@@ -80,7 +80,7 @@ class Block:
             for path, power in zip(u.paths, powers, strict=True):
                 if path in known and u.run in (None, self.name) and (self.name, path) not in u.elsewhere:
                     self._terms.setdefault(path, []).append((i, power, u.scale == "log", u.lower))
-        self._limits = {path: (known[path].lower, known[path].upper) for path in self._terms}
+        self._limits = {path: (spec.lower, spec.upper) for path, spec in known.items()}
 
     def touched(self, shared: Sequence[Unknown]) -> Flags:
         """Return which groups (S + N, G) every coordinate moves: all where it is not of certain bodies alone."""
@@ -125,7 +125,8 @@ class Block:
                 else sum(p * np.maximum(shared[:, i], lower) for i, p, _, lower in terms)
             )
             found[path] = np.clip(value, *self._limits[path])
-        found |= self.states.overrides(states, found)
+        for path, value in self.states.overrides(states, found).items():  # a trial step may go anywhere
+            found[path] = np.clip(value, *self._limits[path]) if path in self._limits else value
         if self.derive is not None:
             found |= self.derive(found)
         return found
