@@ -31,7 +31,7 @@ class EyeSettings:
     noise_floor: float = 0.012  # [feature] least noise of the background: rounding of levels of 100
     sharp: float = 0.25  # [px] by which edges of the background may be displaced: coding, shake
     free_shade: float = 0.12  # probability of a darkening that the shade around the body does not predict
-    deepest_shade: float = 2.6  # [log] darkening by shadow at the most, a factor of 13; half of it is rarely exceeded
+    deepest_shade: float = 2.6  # [log] darkening by shadow at the most, a factor of 13
     brightest_light: float = 0.25  # [log] brightening by reflected light at the most
     shade_slack: float = 0.2  # share of a predicted darkening by which it may be wrong
     shade_chroma: float = 0.05  # chroma error per unit of darkening: the added dark level bends it

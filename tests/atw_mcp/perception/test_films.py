@@ -16,16 +16,10 @@ from PIL import Image
 
 from atw_mcp.perception.video import VideoError, VideoInfo, load, probe
 from tests.atw_mcp.session import Session
-from tests.real_data import FOLDER
+from tests.shared_inputs import INPUTS, needs_input
 
-INPUTS = FOLDER.parent / "inputs"
 WIDTH, HEIGHT, RADIUS, SPEED = 160, 96, 9.0, 90.0  # [px], [px/s]
 Picture = NDArray[np.uint8]
-
-
-def needs(name: str) -> pytest.MarkDecorator:
-    """Skip a test, with the reason, where `../shared/inputs/NAME` is absent."""
-    return pytest.mark.skipif(not (INPUTS / name).exists(), reason=f"../shared/inputs/{name} is absent")
 
 
 def drawn(time: float, *, width: int = WIDTH, stretch: float = 1.0) -> Picture:
@@ -245,7 +239,7 @@ FLIGHTS = {
 }
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=needs(n)) for n in FLIGHTS])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=needs_input(n)) for n in FLIGHTS])
 def test_red_ball_in_free_flight_moves_as_it_was_drawn(name: str) -> None:
     """100 px are 1 m: 1.5 m/s across, and 9.81 m/s^2 down."""
     info, frames = load(INPUTS / name)
@@ -263,19 +257,19 @@ def test_red_ball_in_free_flight_moves_as_it_was_drawn(name: str) -> None:
     assert down[1] == pytest.approx(-400.0, abs=1.0 if "interlaced" not in name else 12.0)
 
 
-@needs("video_small.gif")
+@needs_input("video_small.gif")
 def test_small_gif_has_thirty_frames_a_second() -> None:
     info = probe(INPUTS / "video_small.gif")
     assert (info.frames_per_second, info.clock) == (30.0, None)
 
 
-@needs("video_anim.webp")
+@needs_input("video_anim.webp")
 def test_animated_webp_is_refused_with_the_cure() -> None:
     with pytest.raises(VideoError, match="save it as"):
         probe(INPUTS / "video_anim.webp")
 
 
-@needs("video_vfr_dropped_frames.mp4")
+@needs_input("video_vfr_dropped_frames.mp4")
 def test_flight_filmed_at_a_variable_rate_is_not_damped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ATW_MCP_ALLOW", str(INPUTS))
     session = Session(tmp_path / "atw.db")
