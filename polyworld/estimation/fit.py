@@ -34,11 +34,11 @@ from polyworld.estimation.posterior import SamplingSettings
 from polyworld.estimation.problem import Block
 from polyworld.estimation.readout import sample_times, tracks_readout
 from polyworld.estimation.search import CemSettings, Search, SearchSettings, search
-from polyworld.estimation.starts import initial_state
+from polyworld.estimation.states import stretch_state
 from polyworld.estimation.stretches import Stretch, stretches
 from polyworld.estimation.study import Study, StudyRun
 from polyworld.estimation.support import supports, with_supports
-from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.unknown import Unknown, joined
 from polyworld.estimation.whole_run import Through, refined, through
 from polyworld.world import World
 from polyworld.world.geometry import circumscribed_radius
@@ -208,7 +208,8 @@ class _Fit:
             world = with_supports(part.world, part.tracks) if self.options.states else part.world
             world = _coarser(world, self.settings.descent.substep)
             part = replace(part, world=world)
-            states = initial_state(part, self.settings.priors, rolling, free=self.options.states)
+            free = self.options.states
+            states = stretch_state(part, self.settings.priors, rolling) if free else joined([])
             readout = tracks_readout(world, part.tracks, sigma)
             blocks.append(
                 Block(run.name, world, sample_times(world, part.tracks), readout, states, part.link, groups=part.groups)
