@@ -33,7 +33,7 @@ from polyworld.estimation.noise import track_sigma
 from polyworld.estimation.posterior import SamplingSettings
 from polyworld.estimation.problem import Block
 from polyworld.estimation.readout import sample_times, tracks_readout
-from polyworld.estimation.search import CemSettings, Search, SearchSettings, search
+from polyworld.estimation.search import Search, SearchSettings, search
 from polyworld.estimation.states import stretch_state
 from polyworld.estimation.stretches import Stretch, stretches
 from polyworld.estimation.study import Study, StudyRun
@@ -156,7 +156,7 @@ class _Fit:
         problem = self.problem(tracks, rolling, cut=False)
         o = self.options
         elites = max(2, o.population // 4)
-        chosen = SearchSettings(o.generations, CemSettings(o.population, elites, min(4, elites)), o.seed)
+        chosen = SearchSettings(o.generations, o.population, elites, min(4, elites), seed=o.seed)
         cost = float(problem.costs([problem.start()], 1.0)[0])
 
         def watched(number: int, least: float) -> None:
