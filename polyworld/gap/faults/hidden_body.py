@@ -135,10 +135,6 @@ def _struck_mass(world: World, kink: Kink, mass: float) -> float:
 
 CANDIDATES = (
     Candidate(
-        name="hidden_body",
-        group="structure",
-        law="a ball, as large as what strikes it, at rest until it is struck",
-        variants=_body,
-        local=True,
+        "hidden_body", "structure", "a ball, as large as what strikes it, at rest until it is struck", _body, local=True
     ),
 )

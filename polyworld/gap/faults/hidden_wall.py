@@ -269,12 +269,4 @@ def _through(hits: Sequence[Kink], inside: Array) -> tuple[Array | None, float]:
     return (normal / length if length > 1e-9 else None), float(size[len(along) - 1])
 
 
-CANDIDATES = (
-    Candidate(
-        name="hidden_wall",
-        group="structure",
-        law="a plane that bodies rebound from",
-        variants=_wall,
-        local=True,
-    ),
-)
+CANDIDATES = (Candidate("hidden_wall", "structure", "a plane that bodies rebound from", _wall, local=True),)
