@@ -205,17 +205,19 @@ def _supported(
     tangents /= np.linalg.norm(tangents, axis=1)[:, None]
     if abs(float(tangents[0] @ tangents[1])) > 1e-12:
         tangents[1] = np.cross(n, tangents[0])
-    names = ["xyz"[int(np.argmax(t))] if t.max() > 1.0 - 1e-12 else str(k + 1) for k, t in enumerate(tangents)]
     kept = [k for k, a in enumerate(across) if a in begins.axes]
-    tangents, names = tangents[kept], [names[k] for k in kept]
+    level = [
+        k for k in kept if tangents[k].max() > 1.0 - 1e-12
+    ]  # along a world axis: a coordinate is that of the world
+    names = ["xyz"[across[k]] if k in level else str(k + 1) for k in kept]
+    first = np.array([tangents[k] @ support.position if k in level else 0.0 for k in kept])
+    tangents = tangents[kept]
     moves, ball = begins.moves, isinstance(item.shape, Sphere)
     heading = begins.turn is not None and not ball
     rolls = support.rolls and moves and not support.turns
     phased = heading and rolls and support.axis is not None  # how far it has rolled shows
     ratio = 1.0 if rolling == "rolls" else 0.0
-    found: dict[str, Guess] = {
-        f"position.{k}": (float(v), LENGTH) for k, v in zip(names, tangents @ support.position, strict=True)
-    }
+    found: dict[str, Guess] = {f"position.{k}": (float(v), LENGTH) for k, v in zip(names, first, strict=True)}
     if moves:
         speeds = np.linalg.lstsq(tangents.T, begins.velocity, rcond=None)[0]
         found |= {f"velocity.{k}": (float(v), 10.0 * LENGTH) for k, v in zip(names, speeds, strict=True)}
@@ -233,13 +235,13 @@ def _supported(
         found["roll"] = (ratio, STEEPEST)
     frame = of_paths(found, {"roll": (ratio, settings.slip)})
     index, radius = {label: i for i, label in enumerate(found)}, float(getattr(item.shape, "radius", 1.0))
-    beside = np.eye(3) - n[:, None] * n - tangents.T @ tangents  # along what was not measured
+    beside = begins.velocity - n * (n @ begins.velocity) - tangents.T @ (tangents @ begins.velocity)  # not measured
 
     def overrides(values: Array, _: Mapping[str, Array]) -> dict[str, Array]:
         count, along = len(tangents), np.zeros((len(values), 3))
-        place = (np.outer(n, n) + beside) @ support.position + values[:, :count] @ tangents
+        place = support.position + (values[:, :count] - first) @ tangents
         if moves:
-            along = beside @ begins.velocity + values[:, count : 2 * count] @ tangents
+            along = beside + values[:, count : 2 * count] @ tangents
         spin = np.tile(np.zeros(3) if rolls or heading else begins.spin, (len(values), 1))
         headings = values[:, index["heading"]] if heading else np.zeros(len(values))
         if "roll" in index:
