@@ -197,41 +197,29 @@ def predicted(
     if kept.sum() < 0.5 * count:
         return None
     normal = geometry.plane_axes(run.world.environment.motion_plane)[2] if run.world.planar else np.zeros(3)
+    across = np.eye(3) - np.outer(normal, normal)
+    measured, places = tracks.positions @ across, batch.positions[kept] @ across
     bodies, inside = [], []
-    for item in run.world.objects:
-        if item.name not in tracks.names:
-            continue
-        column, theirs = batch.names.index(item.name), tracks.names.index(item.name)
-        places = batch.positions[kept, :, column]
-        places = places - (places @ normal)[..., None] * normal
-        seen = tracks.confidence[:, theirs] > 0.0
-        middle = np.median(places, axis=0)
-        apart = np.linalg.norm(places - places[:, :1], axis=-1, keepdims=True)
-        low, high = np.quantile(with_model_error(places, apart), CENTRAL, axis=0)
+    for item in (o for o in run.world.objects if o.name in tracks.names):
+        column = tracks.names.index(item.name)
+        own, seen = places[:, :, batch.names.index(item.name)], np.flatnonzero(tracks.confidence[:, column] > 0.0)
+        apart = np.linalg.norm(own - own[:, :1], axis=-1, keepdims=True)
+        low, high = np.quantile(with_model_error(own, apart), CENTRAL, axis=0)
         spread = tuple(float((high[k] - low[k]).max() / 2.0) for k in (0, -2, -1))
-        decided = _decided(places[:, -1], {name: values[kept] for name, values in shared.items()})
-        noise = float(sigma[theirs] * np.sqrt(2.0 if run.world.planar else 3.0))
-        if not seen.any():
-            bodies.append(BodyPrediction(item.name, np.nan, np.nan, np.nan, noise, spread, decided))
-            continue
-        measured = tracks.positions[:, theirs]
-        measured = measured - (measured @ normal)[:, None] * normal
-        rows = np.flatnonzero(seen)
-        missed = np.linalg.norm(middle[rows] - measured[rows], axis=1)
-        earlier = run.tracks.window(int(run.tracks.frames[0]), cut - 1)
-        there = np.flatnonzero(earlier.confidence[:, theirs] > 0.0)
-        last = earlier.positions[there[-1], theirs] if len(there) else np.full(3, np.nan)
-        last = last - (last @ normal) * normal
-        stays = float(np.sqrt(np.mean(np.sum((measured[rows] - last) ** 2, axis=1))))
-        margin = 1.28 * sigma[theirs]
-        axes = np.abs(normal) < 1.0 - 1e-9
-        held = (measured[rows] >= low[rows] - margin) & (measured[rows] <= high[rows] + margin)
-        inside.append(held[:, axes].ravel())
-        bodies.append(
-            BodyPrediction(
-                item.name, float(np.sqrt(np.mean(missed**2))), float(missed[-1]), stays, noise, spread, decided
-            )
-        )
+        decided = _decided(own[:, -1], {name: values[kept] for name, values in shared.items()})
+        noise = float(sigma[column] * np.sqrt(2.0 if run.world.planar else 3.0))
+        error = last = stays = np.nan
+        if len(seen):
+            there, margin = measured[seen, column], 1.28 * sigma[column]
+            missed = np.linalg.norm(np.median(own, axis=0)[seen] - there, axis=1)
+            error, last = float(np.sqrt(np.mean(missed**2))), float(missed[-1])
+            before = np.flatnonzero((run.tracks.confidence[:, column] > 0.0) & (run.tracks.frames < cut))
+            if len(before):
+                stayed = there - run.tracks.positions[before[-1], column] @ across
+                stays = float(np.sqrt(np.mean(np.sum(stayed**2, axis=1))))
+            held = (there >= low[seen] - margin) & (there <= high[seen] + margin)
+            inside.append(held[:, np.abs(normal) < 1.0 - 1e-9].ravel())
+        bodies.append(BodyPrediction(item.name, error, last, stays, noise, spread, decided))
     if not bodies:
         return None
     return Prediction(cut, tuple(bodies), float(np.concatenate(inside).mean()) if inside else np.nan)
