@@ -67,7 +67,7 @@ def sample(
         information -= less
         inverses.append(inverse(own))
         answers.append(-inverses[-1] @ border)
-        information += border.T @ answers[-1]
+        information -= border.T @ inverses[-1] @ border
         values, vectors = np.linalg.eigh(inverses[-1])
         widths.append(vectors * np.sqrt(np.maximum(values, 0.0)))
     flat = ((problem.upper - problem.lower) / np.sqrt(12.0)) ** -2.0  # no wider than the bounds
