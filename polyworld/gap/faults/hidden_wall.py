@@ -83,9 +83,7 @@ def _variant(
     if rough and not any(o.friction for o in world.objects):
         return None
     first = side * np.eye(3)[axis]
-    turned = [k for k in range(3) if k != axis and (len(axes) == 3 or k not in axes)]
     name = free_name("hidden_wall", [*world.moving_names, *(s.name for s in world.statics)])
-    known = {"restitution": faces[0].restitution} | ({"friction": FRICTION} if rough else {})
     wall = StaticObject(
         name=name,
         shape=Plane(normal=(float(first[0]), float(first[1]), float(first[2]))),
@@ -94,25 +92,23 @@ def _variant(
         dominant=True,
     )
     child = with_parts(world, statics=(*world.statics, wall))
-    starts = tuple(
-        {"offset": float(face.offset / face.normal[axis]), "restitution": face.restitution}
-        | {f"turn_{'xyz'[k]}": float(_turn(face.normal, first)[k]) for k in turned}
-        | ({"friction": FRICTION} if rough else {})
-        for face in faces
-    )
-    sizes = {"offset": (f"position.{'xyz'[axis]}", 0.1 * found.spread)}
-    sizes |= {f"turn_{'xyz'[k]}": (f"rotation.{'xyz'[k]}", 0.1) for k in turned}
-    sizes |= {label: (label, 0.2) for label in known}
-    unknowns = tuple(
-        of_path(child, (f"statics.{name}.{field}",), label, starts[0][label], typical, **_limits(label))
-        for label, (field, typical) in sizes.items()
-    )
+    # Of each unknown: its field, an ordinary change, bounds and its start by face.
+    rows = {
+        "offset": (f"position.{'xyz'[axis]}", 0.1 * found.spread, np.inf, [f.offset / f.normal[axis] for f in faces])
+    }
+    for k in (k for k in range(3) if k != axis and (len(axes) == 3 or k not in axes)):
+        turns = [_turn(f.normal, first)[k] for f in faces]
+        rows[f"turn_{'xyz'[k]}"] = f"rotation.{'xyz'[k]}", 0.1, MOST_TURN, turns
+    rows["restitution"] = "restitution", 0.2, np.inf, [f.restitution for f in faces]
+    if rough:
+        rows["friction"] = "friction", 0.2, np.inf, [FRICTION] * len(faces)
+    starts = tuple({label: float(row[-1][i]) for label, row in rows.items()} for i in range(len(faces)))
+    unknowns = [
+        of_path(child, (f"statics.{name}.{field}",), label, starts[0][label], typical, lower=-most, upper=most)
+        for label, (field, typical, most, _) in rows.items()
+    ]
     label = f"across {'xyz'[axis]}, facing {'-+'[side > 0]}{'xyz'[axis]}"
     return Variant(child, (*unknowns, *spins), starts, label + (", rough" if rough else ""))
-
-
-def _limits(label: str) -> dict[str, float]:
-    return {"lower": -MOST_TURN, "upper": MOST_TURN} if label.startswith("turn") else {}
 
 
 def _spins(world: World, recording: Recording) -> tuple[Unknown, ...]:
