@@ -197,11 +197,10 @@ def _faces(statics: tuple[StaticObject, ...], place: Array) -> list[tuple[str, A
     """Name, a point and the normal of planes, and of the topmost faces of boxes that lie under a place."""
     found: list[tuple[str, Array, Array]] = []
     for static in statics:
-        turn = geometry.quaternion_matrix(np.asarray(static.orientation))
-        centre = np.asarray(static.position)
+        turn, centre = geometry.quaternion_matrix(np.asarray(static.orientation)), np.asarray(static.position)
         if isinstance(static.shape, Plane):
-            normal = np.asarray(static.shape.normal) / np.linalg.norm(static.shape.normal)
-            found.append((static.name, centre + turn @ normal * static.shape.offset, turn @ normal))
+            normal = turn @ np.asarray(static.shape.normal) / np.linalg.norm(static.shape.normal)
+            found.append((static.name, centre + normal * static.shape.offset, normal))
         elif isinstance(static.shape, Box):
             half = np.asarray(static.shape.half_extents)
             local = turn.T @ (place - centre)

@@ -12,9 +12,9 @@ from polyworld.data.recording import Recording, Run
 from polyworld.estimation.unknown import Unknown
 from polyworld.expressions.effect import law_of
 from polyworld.gap.candidate import Candidate, Variant, of_path, one_start, with_parts
-from polyworld.world import StaticObject, World, geometry
+from polyworld.screening.statics import plane_normal
+from polyworld.world import World, geometry
 from polyworld.world.observer import MARGIN, Observer
-from polyworld.world.shapes import Plane
 
 Array = NDArray[np.float64]
 
@@ -168,17 +168,10 @@ def _tilt_shows(world: World, recording: Recording, axis: int) -> bool:
     upright = size == 0.0 or abs(about @ gravity) > (1.0 - 1e-9) * size
     if not upright:
         return True
-    level = all(_level(s, about) for s in world.statics)
+    normals = [plane_normal(s) for s in world.statics]
+    level = all(n is not None and abs(n @ about) > 1.0 - 1e-9 for n in normals)
     free = not (world.joints or world.deformables)
     return not (level and free and all(law_of(e).isotropic for e in world.effects if e.enabled))
-
-
-def _level(static: StaticObject, up: Array) -> bool:
-    """Return whether a static is a plane across a direction."""
-    if not isinstance(static.shape, Plane):
-        return False
-    normal = geometry.quaternion_matrix(np.asarray(static.orientation)) @ np.asarray(static.shape.normal)
-    return bool(abs(normal @ up) > (1.0 - 1e-9) * np.linalg.norm(normal))
 
 
 # Bounds of k r^2 where r is the largest distance seen, which distortion itself has changed: below, points would change
