@@ -230,7 +230,7 @@ def _supported(
     if ball and begins.turn is not None:
         found |= {f"rotation.{a}": (float(v), TURN) for a, v in zip("xyz", begins.turn, strict=True)}
     if support.turns and moves:
-        found |= {f"spin.{'xyz'[a]}": (float(begins.spin[a]), 10.0 * TURN) for a in begins.spun}
+        found |= {f"angular_velocity.{'xyz'[a]}": (float(begins.spin[a]), 10.0 * TURN) for a in begins.spun}
     if rolls and rolling != "skids":
         found["roll"] = (ratio, STEEPEST)
     frame = of_paths(found, {"roll": (ratio, settings.slip)})
@@ -252,14 +252,15 @@ def _supported(
         paths: dict[str, Array] = {}
         for k, a in enumerate("xyz"):
             paths[f"{head}position.{a}"], paths[f"{head}velocity.{a}"] = place[:, k], along[:, k]
-            paths[f"{head}angular_velocity.{a}"] = values[:, index[f"spin.{a}"]] if f"spin.{a}" in index else spin[:, k]
+            about = f"angular_velocity.{a}"
+            paths[head + about] = values[:, index[about]] if about in index else spin[:, k]
             if f"rotation.{a}" in index:
                 paths[f"{head}rotation.{a}"] = values[:, index[f"rotation.{a}"]]
         if heading:
             turn = geometry.rotation_quaternion(headings[:, None] * n)
             if phased:
-                about = geometry.rotation_quaternion(values[:, [index["phase"]]] * np.asarray(support.axis))
-                turn = geometry.quaternion_product(turn, about)
+                phase = geometry.rotation_quaternion(values[:, [index["phase"]]] * np.asarray(support.axis))
+                turn = geometry.quaternion_product(turn, phase)
             turned = rotation_vector(
                 geometry.quaternion_product(turn, support.orientation), np.asarray(item.orientation)
             )
