@@ -208,8 +208,7 @@ class _Fit:
             world = with_supports(part.world, part.tracks) if self.options.states else part.world
             world = _coarser(world, self.settings.descent.substep)
             part = replace(part, world=world)
-            free = self.options.states
-            states = stretch_state(part, self.settings.priors, rolling) if free else joined([])
+            states = stretch_state(part, self.settings.priors, rolling) if self.options.states else joined([])
             readout = tracks_readout(world, part.tracks, sigma)
             blocks.append(
                 Block(run.name, world, sample_times(world, part.tracks), readout, states, part.link, groups=part.groups)

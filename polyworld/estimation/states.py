@@ -22,8 +22,8 @@ from polyworld.estimation.linkage import is_held, linkages
 from polyworld.estimation.readout import owner
 from polyworld.estimation.stretches import Stretch
 from polyworld.estimation.support import Support, rolling_spin, support_in_run, supports
-from polyworld.estimation.unknown import Guess, StateMap, joined, of_paths
-from polyworld.world import World, geometry
+from polyworld.estimation.unknown import Guess, StateMap, free_axes, joined, of_paths
+from polyworld.world import Effect, World, geometry
 from polyworld.world.materials import material_of
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Sphere
@@ -36,7 +36,6 @@ SPIN = 6.0  # ordinary spin of a body whose spin was not measured [rad/s]
 TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
 STEEPEST = 0.2  # slip of a rolling start, as a share of its spin
 EARLY = 8  # samples from which a first turn is taken
-PRIORS = PriorSettings()
 
 
 @dataclass(frozen=True)
@@ -119,7 +118,7 @@ def state_coordinates(world: World, run: Run) -> tuple[StateMap, ...]:
             if support is not None:
                 rolls = support.rolls and item.friction > 0.0 and not any(item.angular_velocity)
                 support = replace(support, rolls=rolls, turns=bool(begins.spun) and isinstance(item.shape, Sphere))
-                found.append(_supported(item, begins, support, "rolls", PRIORS))
+                found.append(_supported(item, begins, support, "rolls", PriorSettings()))
             else:
                 found.append(_free(item, begins))
             found += _of_effects(world, item)
@@ -157,18 +156,19 @@ def _of_run(world: World, item: RigidObject, run: Run) -> Beginning:
 
 def _of_effects(world: World, item: RigidObject) -> list[StateMap]:
     """Return spins of a body that effects have of their own, since they are no motion that shows otherwise."""
-    paths: dict[str, Guess] = {}
-    for effect in world.effects:
-        if effect.kind == "unseen_spin_lift" and effect.enabled and item.name in (effect.objects or (item.name,)):
-            rates = [f"rate_{a}" for a in "xyz"]
-            paths |= {f"effects.{effect.name}.{r}": (effect.parameters.get(r, 0.0), 10.0 * TURN) for r in rates}
+    own = [e for e in _acting(world, item) if e.kind == "unseen_spin_lift"]
+    rates = [(e, f"rate_{a}") for e in own for a in "xyz"]
+    paths = {f"effects.{e.name}.{rate}": (e.parameters.get(rate, 0.0), 10.0 * TURN) for e, rate in rates}
     return [of_paths(paths)] if paths else []
+
+
+def _acting(world: World, item: RigidObject) -> list[Effect]:
+    return [e for e in world.effects if e.enabled and item.name in (e.objects or (item.name,))]
 
 
 def _is_lifted(world: World, item: RigidObject) -> bool:
     """Return whether the path of a body in flight depends on its spin."""
-    lifts = (e for e in world.effects if e.kind == "magnus_lift" and e.enabled and e.parameters.get("coefficient"))
-    return any(item.name in (e.objects or (item.name,)) for e in lifts)
+    return any(e.kind == "magnus_lift" and e.parameters.get("coefficient") for e in _acting(world, item))
 
 
 def _spin_shows(world: World, item: RigidObject) -> bool:
@@ -221,10 +221,7 @@ def _supported(
     if moves:
         speeds = np.linalg.lstsq(tangents.T, begins.velocity, rcond=None)[0]
         found |= {f"velocity.{k}": (float(v), 10.0 * LENGTH) for k, v in zip(names, speeds, strict=True)}
-    if heading:
-        found["heading"] = (0.0, TURN)
-    if phased:
-        found["phase"] = (0.0, TURN)
+    found |= {angle: (0.0, TURN) for angle, shown in (("heading", heading), ("phase", phased)) if shown}
     if heading and moves:
         found["turning"] = (float(begins.spin @ n), 10.0 * TURN)
     if ball and begins.turn is not None:
@@ -234,7 +231,7 @@ def _supported(
     if rolls and rolling != "skids":
         found["roll"] = (ratio, STEEPEST)
     frame = of_paths(found, {"roll": (ratio, settings.slip)})
-    index, radius = {label: i for i, label in enumerate(found)}, float(getattr(item.shape, "radius", 1.0))
+    index, described = {label: i for i, label in enumerate(found)}, np.asarray(item.orientation)
     beside = begins.velocity - n * (n @ begins.velocity) - tangents.T @ (tangents @ begins.velocity)  # not measured
 
     def overrides(values: Array, _: Mapping[str, Array]) -> dict[str, Array]:
@@ -261,12 +258,10 @@ def _supported(
             if phased:
                 phase = geometry.rotation_quaternion(values[:, [index["phase"]]] * np.asarray(support.axis))
                 turn = geometry.quaternion_product(turn, phase)
-            turned = rotation_vector(
-                geometry.quaternion_product(turn, support.orientation), np.asarray(item.orientation)
-            )
-            paths |= {f"{head}rotation.{a}": turned[:, k] for k, a in enumerate("xyz")}
+            turn = rotation_vector(geometry.quaternion_product(turn, support.orientation), described)
+            paths |= {f"{head}rotation.{a}": turn[:, k] for k, a in enumerate("xyz")}
         if rolls and rolling == "skids":
-            paths[f"{head}rolling_resistance"] = np.full(len(values), SKIDS * radius)
+            paths[f"{head}rolling_resistance"] = np.full(len(values), SKIDS * getattr(item.shape, "radius", 1.0))
         return paths
 
     return replace(frame, labels=tuple(f"{item.name}.{label}" for label in found), overrides=overrides)
@@ -278,10 +273,9 @@ def linkage_states(world: World, run: Run) -> tuple[StateMap, ...]:
     for whole in linkages(world):
         if any(link.item.name in run.names for link in whole.links):
             linkage = whole.of_run(run)
-            start, n = linkage.first_guess(run), len(linkage.labels)
             labels = tuple(f"{linkage.links[0].item.name}.{label}" for label in linkage.labels)
-            typical = np.tile([TURN, 10.0 * TURN], n // 2)
-            found.append(StateMap(labels, start, typical, np.tile([0.0, np.inf], (n, 1)), linkage.overrides))
+            typical, prior = np.tile([TURN, 10.0 * TURN], len(labels) // 2), np.tile([0.0, np.inf], (len(labels), 1))
+            found.append(StateMap(labels, linkage.first_guess(run), typical, prior, linkage.overrides))
     return tuple(found)
 
 
@@ -297,12 +291,6 @@ def deformable_state(world: World, name: str, axes: str) -> StateMap:
     velocity = getattr(world.item(name), "velocity", (0.0, 0.0, 0.0))
     found: dict[str, Guess] = {f"objects.{name}.shift.{a}": (0.0, LENGTH) for a in axes}
     return of_paths(found | {f"objects.{name}.velocity.{a}": (velocity["xyz".index(a)], 10.0 * LENGTH) for a in axes})
-
-
-def free_axes(world: World) -> str:
-    """World axes along which objects move: an oblique motion plane needs all three to be varied."""
-    normal = geometry.plane_axes(world.environment.motion_plane)[2]
-    return "".join(a for i, a in enumerate("xyz") if not (world.planar and abs(normal[i]) > 1.0 - 1e-9))
 
 
 def _about(world: World) -> list[int]:
