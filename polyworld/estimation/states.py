@@ -128,18 +128,18 @@ def state_coordinates(world: World, run: Run) -> tuple[StateMap, ...]:
 def _of_run(world: World, item: RigidObject, run: Run) -> Beginning:
     column = run.names.index(item.name)
     times, places = run.times - run.times[0] + run.lead - item.start_time, run.positions[:, column]
-    begun = times >= -1e-9
+    present = times >= -1e-9
     gravity = np.zeros(3) if world.planar else np.asarray(world.environment.gravity)
     position, velocity = np.array(item.position), np.array(item.velocity)
-    axes = [a for a in ("xyz".index(a) for a in free_axes(world)) if np.isfinite(places[begun, a]).sum() >= 2]
+    axes = [a for a in ("xyz".index(a) for a in free_axes(world)) if np.isfinite(places[present, a]).sum() >= 2]
     for a in axes:
-        rows = begun & np.isfinite(places[:, a])
+        rows = present & np.isfinite(places[:, a])
         position[a], velocity[a] = line_or_fall(times[rows], places[rows, a], float(gravity[a]))
     series = run.angular_velocities[:, column]
     spin = np.array([first_value(run.times, column) for column in series.T])
     about, turn = _about(world), None
     spun = [a for a in np.flatnonzero(np.isfinite(spin)).tolist() if not world.planar or a in about]
-    rows = np.flatnonzero(np.isfinite(run.orientations[:, column]).all(axis=-1) & begun)[:EARLY]
+    rows = np.flatnonzero(np.isfinite(run.orientations[:, column]).all(axis=-1) & present)[:EARLY]
     if len(rows) >= 2:
         early = run.orientations[rows, column]
         steps = rotation_vector(early[1:], early[:-1]) / np.diff(times[rows])[:, None]
