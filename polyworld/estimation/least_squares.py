@@ -103,7 +103,8 @@ class Problem:
 
     def prior_costs(self, shared: Array) -> Array:
         """Return the part (K,) of the priors of shared coordinates (K, S)."""
-        total: Array = (((shared - self.prior_mean) / self.prior_sd) ** 2).sum(axis=1)
+        scale = self.settings.scale
+        total: Array = ((scale * (shared - self.prior_mean) / self.prior_sd) ** 2).sum(axis=1)
         return total
 
     def run_costs(self, shared: Array, states: Sequence[Sequence[Array]], most: float) -> Array:
@@ -115,7 +116,8 @@ class Problem:
             for i, block in enumerate(run):
                 one, prior = next(found), block.states.prior
                 total[:, r] += huber_loss(one.residuals, self.settings.huber).sum(axis=1)
-                total[:, r] += (((states[r][i] - prior[:, 0]) / prior[:, 1]) ** 2).sum(axis=1)
+                departures = self.settings.scale * (states[r][i] - prior[:, 0]) / prior[:, 1]
+                total[:, r] += (departures**2).sum(axis=1)
                 if one.end is not None:
                     start, _ = link_start(run[i + 1], block, states[r][i + 1])
                     total[:, r] += huber_loss(one.end - start, self.settings.huber).sum(axis=1)
@@ -131,8 +133,9 @@ class Problem:
         s = len(self.shared)
         found = Normal(np.zeros((s, s)), np.zeros(s), [], [], [], self.linearised(at, most))
         inside = np.isfinite(self.prior_sd)
-        found.shared[inside, inside] += self.prior_sd[inside] ** -2.0
-        found.gradient[inside] += ((at.shared - self.prior_mean) / self.prior_sd**2)[inside]
+        firm = (self.settings.scale / self.prior_sd[inside]) ** 2
+        found.shared[inside, inside] += firm
+        found.gradient[inside] += firm * (at.shared - self.prior_mean)[inside]
         slopes = iter(found.slopes)
         for r, run in enumerate(self.runs):
             sizes = np.cumsum([0, *(b.states.count for b in run)])
@@ -156,10 +159,9 @@ class Problem:
                     gradient[place] += yw.T @ residual
                     border[place] += yw.T @ a
                 prior = block.states.prior
-                own[where, where] += prior[:, 1] ** -2.0
-                gradient[where] += np.where(
-                    np.isfinite(prior[:, 1]), (at.states[r][b] - prior[:, 0]) * prior[:, 1] ** -2.0, 0.0
-                )
+                firm = (self.settings.scale / prior[:, 1]) ** 2
+                own[where, where] += firm
+                gradient[where] += np.where(firm > 0.0, (at.states[r][b] - prior[:, 0]) * firm, 0.0)
             found.own.append(own)
             found.own_gradient.append(gradient)
             found.border.append(border)

@@ -179,8 +179,9 @@ def refit_states(
             if not len(width):
                 continue
             slopes = ((one.residuals[1:] - residual) / width[:, None]).T
-            inverse = np.where(np.isfinite(prior[:, 1]), prior[:, 1], np.inf) ** -2.0
-            w = huber_weights(residual, fitted.ground.settings.soft * max(1.0, robust_scale(residual, columns[r])))
+            scale = max(1.0, robust_scale(residual, columns[r]))
+            inverse = (scale / prior[:, 1]) ** 2
+            w = huber_weights(residual, fitted.ground.settings.soft * scale)
             own_matrix = (slopes * w[:, None]).T @ slopes
             diagonal = np.diag(own_matrix)
             own_matrix = own_matrix + np.diag(inverse + 1e-6 * diagonal + 1e-9 * diagonal.max() + 1e-12)

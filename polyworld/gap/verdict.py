@@ -80,11 +80,12 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
     stable = 1.0 - len(lost) / len(drawn)
     if share == 1.0:  # of other laws the difference decides, whose noise is known: that fewer do is left to ask
         lost = [f for f in lost if f.hypothesis.names < named.hypothesis.names]
-    if len(lost) > settings.share * len(drawn) and not competitors:
-        competitors = sorted({id(f): f for f in lost}.values(), key=lambda f: f.total)[:4]
-    richer = named.hypothesis.names < choice.best.hypothesis.names  # left out as a part of what runs have of their own
-    if named is not null and richer and choice.best.total < named.total - settings.nats and not competitors:
-        competitors = [choice.best]
+    if not competitors:
+        if len(lost) > settings.share * len(drawn):
+            others = sorted({id(f): f for f in lost}.values(), key=lambda f: f.total)
+            competitors = [f for f in others if not _richer(f, named) or _matters(f, named)][:4]
+        elif named is not null and choice.best.total < named.total - settings.nats and _matters(choice.best, named):
+            competitors = [choice.best]
     kind, reasons = _kind(named, null, competitors, _weak(named, pool, share))
     alone = [p.candidate.name for p in named.hypothesis.parts if _in_one_run(p, named, trusted, null)]
     if kind in ("identified", "identified_with_remainder") and alone:
@@ -150,13 +151,26 @@ def _weak(named: Fitted, pool: Sequence[Fitted], share: float) -> list[str]:
 
 
 def _competes(other: Fitted, named: Fitted) -> bool:
-    """Return whether a near hypothesis is another answer: as simple, or but one parameter richer and better."""
-    return (
-        other is not named
-        and other.simplicity <= named.simplicity + (other.total < named.total) + 1e-6
-        and not named.hypothesis.names <= other.hypothesis.names
-        and _distinguished(other) != _distinguished(named)
-    )
+    """Return whether a near hypothesis is another answer: as simple, or one that matters beside what is named."""
+    if other is named or named.hypothesis.names <= other.hypothesis.names:
+        return False
+    return _distinguished(other) != _distinguished(named) and (not _richer(other, named) or _matters(other, named))
+
+
+def _richer(other: Fitted, named: Fitted) -> bool:
+    """Return whether a hypothesis has more to bend than what is named."""
+    return other.simplicity > named.simplicity + 1e-6
+
+
+def _matters(richer: Fitted, named: Fitted) -> bool:
+    """Return whether a richer hypothesis is more than a part of what another leaves.
+
+    Near the noise it is where it predicts better. Of a remainder, whose errors are alike, it has to close much.
+    """
+    settings = named.ground.settings
+    if named.error < settings.near_noise:
+        return richer.total < named.total
+    return share_left(named.error, richer.error) < settings.matters
 
 
 def _distinguished(fitted: Fitted) -> frozenset[str]:
