@@ -15,7 +15,9 @@ import numpy as np
 
 NUMBER = 32  # bytes of a Python number and the reference to it
 NO_CONTENT = (FunctionType, MethodType, ModuleType, type, Lock().__class__)
-K, V, P = TypeVar("K", bound=Hashable), TypeVar("V"), ParamSpec("P")
+K = TypeVar("K", bound=Hashable)
+V = TypeVar("V")
+P = ParamSpec("P")
 
 
 @dataclass(frozen=True)
