@@ -48,9 +48,9 @@ def add_parser(commands: Any) -> None:
 
     imported = commands.add_parser(
         "import",
-        help="store a case that `export` wrote; its evidence keeps its ids",
-        description="Store a case that `atw-mcp export` wrote. Its evidence keeps its ids, because answers refer to "
-        "them: where the store has evidence of the same ids, import into a store of its own.",
+        help="store a case that `export` wrote",
+        description="Store a case that `atw-mcp export` wrote. Its evidence keeps its ids where they are free; else "
+        "all of it is renumbered, with every reference to it, and each record keeps its old id.",
     )
     imported.add_argument("file", type=Path, metavar="FILE.zip")
     _declare(imported, _import)
@@ -166,10 +166,12 @@ def _import(options: argparse.Namespace, store: Path) -> int:
 
     opened = EvidenceStore(store)
     try:
-        case, counts = import_case(opened, options.file.expanduser())
+        ids, counts = import_case(opened, options.file.expanduser())
     finally:
         opened.close()
-    print(f"{store}: case {case} with {_counted(counts)}")
+    print(f"{store}: case {ids.case} with {_counted(counts)}")
+    if ids.shift:
+        print(f"renumbered: case {ids.exported} is {ids.case}, its ev-N is ev-(N + {ids.shift})")
     return OK
 
 

@@ -24,6 +24,7 @@ from evidence_store.merge import insert_rows
 from evidence_store.migrations import PACKED_COLUMNS, readable
 from evidence_store.provenance import prov_json
 from evidence_store.references import Referred, referred
+from evidence_store.renumbering import Renumbering
 from evidence_store.schema import RECORDS
 from evidence_store.store import EvidenceStore
 
@@ -69,11 +70,13 @@ def export_case(store: EvidenceStore, case: str, target: Path) -> dict[str, int]
     return counts
 
 
-def import_case(store: EvidenceStore, file: Path, limits: ArchiveLimits | None = None) -> tuple[str, dict[str, int]]:
-    """Store a case that `export_case` wrote; returns its id and the number of its records of each table.
+def import_case(
+    store: EvidenceStore, file: Path, limits: ArchiveLimits | None = None
+) -> tuple[Renumbering, dict[str, int]]:
+    """Store a case that `export_case` wrote; returns its ids here and the number of its records of each table.
 
-    Evidence keeps its ids. All of it is stored, or nothing. Raises BadArchive where the file is not as it was written
-    or exceeds the limits, StoreError where the store has a case or evidence of the same id.
+    Evidence keeps its ids where they are free; else all of it is renumbered, and each record keeps its old id.
+    All of it is stored, or nothing. Raises BadArchive where the file is not as it was written or exceeds the limits.
     """
     try:
         with zipfile.ZipFile(file) as archive:
@@ -85,9 +88,10 @@ def import_case(store: EvidenceStore, file: Path, limits: ArchiveLimits | None =
     except (zipfile.BadZipFile, zlib.error) as error:
         raise BadArchive(f"{file} is damaged or no zip file ({error}); nothing was imported") from error
     _refuse_strangers(file, content.case, rows)
-    fresh = "import into a store of its own: --store NEW.db, which is created; nothing was imported"
-    insert_rows(store, rows, fresh)
-    return content.case, {table: len(found) for table, found in rows.items()}
+    with store.connection.write() as database:
+        ids = Renumbering.of(database, rows)
+        insert_rows(store, ids.rows(rows))
+    return ids, {table: len(found) for table, found in rows.items()}
 
 
 def _write(store: EvidenceStore, case: str, archive: zipfile.ZipFile) -> dict[str, int]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -12,13 +11,12 @@ from evidence_store.canonical import to_json
 from evidence_store.cases import Answer
 from evidence_store.errors import RecordDamaged
 from evidence_store.evidence import Evidence
-from evidence_store.references import CONTENTS, IDENTIFIER, referred
+from evidence_store.references import CONTENTS, EVIDENCE, IDENTIFIER, referred
 from evidence_store.store import EvidenceStore
 from evidence_store.worlds import Descent
 
 Kind = Literal["case", "observation", "world", "fit", "rollout", "evidence", "answer"]
 KINDS: dict[str, Kind] = {"observations": "observation", "rollouts": "rollout", "fits": "fit"}
-EVIDENCE = re.compile(r"\bev-[0-9]+\b")
 
 
 @dataclass(frozen=True)
@@ -86,8 +84,8 @@ class _Walk:
         found = self._store.cases.get(self._case)
         self._add(Record(self._root, "case", found.kind, {"content": found.content, "path": found.path}))
         self._contents()
-        self._worlds(found.committed_world)
         records = self._store.evidence.of_case(self._case)
+        self._worlds(found.committed_world, {record.id for record in records})
         self._unreadable += self._store.evidence.damaged(self._case)
         for record in records:
             about = {"summary": record.summary, "status": record.status, "arguments": record.arguments}
@@ -135,8 +133,11 @@ class _Walk:
             for _, identifier in self._store.cases.observations(self._case):
                 self._link(self._root, identifier, "observed in")
 
-    def _worlds(self, committed: str | None) -> None:
-        """Link worlds to what they were made from: other worlds, tracks, fits, or the case alone."""
+    def _worlds(self, committed: str | None, own: set[str]) -> None:
+        """Link worlds to what they were made from: other worlds, tracks, fits, or the case alone.
+
+        own: the evidence of the case. A world may have been made in another case too, from evidence of that one.
+        """
         origins: dict[str, str] = {}
         modelled: dict[str, str] = {}
         with self._without_damaged():
@@ -145,7 +146,8 @@ class _Walk:
         for world in [record.id for record in self._records.values() if record.kind == "world"]:
             descents: list[Descent] = []
             with self._without_damaged():
-                descents = self._store.worlds.parents(world)
+                parents = self._store.worlds.parents(world)
+                descents = [d for d in parents if own.issuperset(EVIDENCE.findall(to_json(d.detail)))] or parents
             origin = origins.get(world) or (descents[-1].how if descents else "")
             about = {"committed": world == committed, "detail": descents[-1].detail if descents else {}}
             self._add(Record(world, "world", origin, about))

@@ -32,7 +32,9 @@ def merge(parts: Iterable[Path], target: Path) -> int:
         for part in parts:
             rows = _all_rows(part)
             count += len(rows["evidence"])
-            insert_rows(store, rows, "give every store evidence ids of its own (`EvidenceTable.number_from`)")
+            with store.connection.write() as database:
+                _refuse_taken(store, database, rows)
+                insert_rows(store, rows)
         store.close()
     except BaseException:
         store.close()
@@ -49,16 +51,12 @@ def copy_contents(store: EvidenceStore, part: Path) -> None:
     """
     rows = _all_rows(part)
     contents = {table: rows[table] for table in ("worlds", *CONTENTS)}
-    insert_rows(store, {**contents, "cases": [], "evidence": []}, "")
+    insert_rows(store, contents)
 
 
-def insert_rows(store: EvidenceStore, rows: Rows, cure: str) -> None:
-    """Store verified rows of other stores, all or none; evidence keeps its ids, other running numbers are continued.
-
-    cure: what to do where ids are taken. Raises StoreError where the store has a case or evidence of the same id.
-    """
+def insert_rows(store: EvidenceStore, rows: Rows) -> None:
+    """Store verified rows of other stores, all or none; evidence keeps its ids, other running numbers are continued."""
     with store.connection.write() as database:
-        _refuse_taken(store, database, rows, cure)
         for table, found in rows.items():
             for row in found:
                 if "seq" in row and table != "evidence":
@@ -84,7 +82,8 @@ def _all_rows(part: Path) -> dict[str, list[dict[str, Any]]]:
     return rows
 
 
-def _refuse_taken(store: EvidenceStore, database: Database, rows: Rows, cure: str) -> None:
+def _refuse_taken(store: EvidenceStore, database: Database, rows: Rows) -> None:
+    cure = "give every store evidence ids of its own (`EvidenceTable.number_from`)"
     for row in rows["cases"]:
         if database.conn.execute("SELECT 1 FROM cases WHERE id = ?", [row["id"]]).fetchone():
             raise StoreError(f"{store.path} has a case {row['id']!r} already: {cure}")

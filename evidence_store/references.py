@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 CONTENTS = ("observations", "rollouts", "fits")
 IDENTIFIER = re.compile(r"(?:obs|rollout|fit|world)-[0-9a-z]+")
+EVIDENCE = re.compile(r"\bev-[0-9]+\b")
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ import logging
 import sqlite3
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +20,8 @@ from atw_mcp.calls.toolsets import ALL
 from atw_mcp.calls.waiting import WaitingCalls
 from atw_mcp.calls.watching import EvidenceWatch
 from evidence_store import Case, EvidenceStore, StoreError, UnknownRecord
+from evidence_store.renumbering import IMPORTED
+from polyworld.core.kept import BOUNDS, kept
 
 if TYPE_CHECKING:
     from polyworld.world import World
@@ -157,6 +158,8 @@ class App:
         record = self.store.read_evidence(identifier)
         if record.status == "failed":
             record = replace(record, summary=self.files.redacted(record.summary))
+        if earlier := [f"{old['evidence']} of case {old['case']!r}" for old in record.payload.get(IMPORTED, [])]:
+            record = replace(record, summary=f"{record.summary} [imported: {', then '.join(earlier)}]")
         job = self.store.jobs.get(identifier) if record.status == "running" else None
         if job is not None:
             progress = {"done": job.done, "total": job.total, "message": job.message}
@@ -168,7 +171,7 @@ class App:
         return to_result(record, whole=whole)
 
 
-@lru_cache(maxsize=256)
+@kept(BOUNDS.worlds)
 def _parsed(document: str) -> World:
     from polyworld.world import World  # the engine: a server that has only been asked what it can do has not loaded it
 

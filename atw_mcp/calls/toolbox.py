@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import inspect
 import logging
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Literal, get_args, get_type_hints
@@ -60,6 +61,7 @@ class WorldTool(Tool):
         del convert_result
         app: App = context.request_context.lifespan_context
         checked = self.checked(arguments)
+        began = time.monotonic()
         if self.files or not app.files.roots_known:
             await allow_roots(app, context)
         try:
@@ -69,7 +71,8 @@ class WorldTool(Tool):
             if isinstance(outcome, Waiting):
                 return await self._wait_for_evidence(app, outcome, context)
             if isinstance(outcome, LongWork):
-                return await self._wait(app, arguments, self._watched(outcome), context)
+                left = max(0.0, outcome.patience - (time.monotonic() - began))  # opening a long film takes seconds
+                return await self._wait(app, arguments, replace(self._watched(outcome), patience=left), context)
             self._compare(outcome)
             record = await anyio.to_thread.run_sync(app.store.evidence.add, outcome.to_evidence(self.name, arguments))
             return to_result(record)

@@ -23,6 +23,8 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
+from polyworld.core import interruption
+
 Frames = NDArray[np.uint8]
 
 NAMES = "MP4 or MOV, Matroska or WebM, AVI, MPEG, FLV, Ogg, ASF, GIF, APNG, MJPEG, Y4M or IVF"
@@ -70,10 +72,12 @@ def decode(path: Path) -> Iterator[tuple[float | None, Frames]]:
     """Yield time stamp [s] and picture (height, width, 3), BGR, of each frame; packets that do not decode are left out.
 
     The pictures of a folder have the numbers in their names for time stamps, counted from the first [frames].
+    Raises `Interrupted` where the computation was asked to end.
     """
     if path.is_dir():
         numbers = _numbered(path)
         for number, file in sorted(numbers.items()):
+            interruption.check()
             picture = cv2.imread(str(file), cv2.IMREAD_COLOR)
             if picture is None:
                 raise VideoError(f"{file} is not a picture this can decode")
@@ -82,6 +86,7 @@ def decode(path: Path) -> Iterator[tuple[float | None, Frames]]:
     with _opened(path) as (container, stream):
         ratio = stream.sample_aspect_ratio or Fraction(1)
         for frame in _progressive(_decoded(container, stream)):
+            interruption.check()  # a long film takes many seconds
             yield frame.time, _upright(frame, ratio)
 
 

@@ -24,6 +24,7 @@ Floats = NDArray[np.float64]
 
 DEFAULT_SIGMA = 0.01  # m; of positions in a file that gives no accuracy
 CLEVRER_SECONDS_PER_FRAME = 0.028  # displacement per frame over annotated velocity
+UNUSUAL = 20.0  # m; places that extend farther are stated: most that is filmed or tracked lies within a room
 _PLAIN = RecordingForm()
 CLEVRER_SIGMA = 0.001  # m; annotations are rounded to 1e-4
 
@@ -148,6 +149,11 @@ def _from_table(file: Path, form: RecordingForm, position_sigma: float) -> Impor
     unmeasured = "".join(axis for axis, any_ in zip("xyz", measured, strict=True) if not any_)
     if unmeasured:
         remarks.append(f"not measured and taken as 0: {', '.join(unmeasured)}")
+    found = run.positions[..., measured]
+    extent = float((np.nanmax(found, axis=(0, 1)) - np.nanmin(found, axis=(0, 1))).max())
+    if extent > UNUSUAL:
+        cure = "where they are in millimetres, state it, as columns={'x': 'x [mm]'}"
+        remarks.append(f"places extend over {extent:.4g} m; {cure}")
     seen = np.all(known | ~measured, axis=2)
     times = run.times
     if times[0] < 0.0:

@@ -68,6 +68,8 @@ def shadow_factor(frames: Sequence[Ratios], hueless: float) -> float | None:
                 continue
             own = np.histogram(f.shade[region & doubtful], bins)[0].astype(float)
             smooth = np.convolve(own, np.ones(5), "same")
+            if _is_one_patch(region, doubtful, f.shade, bins[int(smooth.argmax())] + BIN / 2):
+                continue
             share = smooth / total
             regions += 1
             votes += own
@@ -88,14 +90,25 @@ def shadow_factor(frames: Sequence[Ratios], hueless: float) -> float | None:
     return float((weight * middle).sum() / weight.sum())
 
 
+def _is_one_patch(region: Mask, doubtful: Mask, shade: Array32, ratio: float) -> bool:
+    """Whether nearly all of a region has one ratio, or is the rim of what has: a body alone, or a shadow alone."""
+    core = region & doubtful & (np.abs(shade - ratio) < WIDTH)
+    return int((region & ~_rimmed(core)).sum()) < LEAST * int(region.sum())
+
+
+def _rimmed(core: Mask) -> Mask:
+    ellipse = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (PENUMBRA, PENUMBRA))
+    found: Mask = cv2.dilate(core.astype(np.uint8), ellipse) > 0
+    return found
+
+
 def shadow_mask(tint: Array32, shade: Array32, factor: float, hueless: float) -> Mask:
     """Return the pixels (H, W) of shadows of a known factor, with their penumbras."""
     core = (np.abs(shade - factor) < WIDTH) & (tint < hueless) & uniform(shade)
     core = cv2.morphologyEx(core.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
     body = _shaded_bodies(tint, shade, factor, hueless)
     core &= ~body
-    near = cv2.dilate(core.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (PENUMBRA, PENUMBRA))) > 0
-    rim = near & (shade > factor - WIDTH) & (shade < 1.0) & (tint < hueless) & ~body
+    rim = _rimmed(core) & (shade > factor - WIDTH) & (shade < 1.0) & (tint < hueless) & ~body
     found: Mask = core | rim
     return found
 

@@ -195,9 +195,9 @@ def _opened(app: App, video: str | None, name: str | None) -> Case:
 
 
 def _looked_for(known: Sequence[Known], items: Sequence[KnownObject]) -> list[dict[str, Any]] | None:
-    """Return what ObserveObjects can look for; None where a colour or a size is not given."""
+    """Return what ObserveObjects can look for; None where that is nothing, or a colour or a size is not given."""
     shown = [k.pixel is not None or colour_word(k.color or k.name) is not None for k in known]
-    if not all(shown) or not all(isinstance(k.shape, Sized) for k in known):
+    if not items or not all(shown) or not all(isinstance(k.shape, Sized) for k in known):
         return None
     return [item.model_dump(include={"name", "shape", "color", "pixel", "frame"}, exclude_none=True) for item in items]
 

@@ -90,6 +90,7 @@ def _case_view(read: CaseRecords) -> view.CaseView:
         bindings=[view.Binding(name=b.name, track=b.track, object=b.object) for b in bindings],
         committed_world=case.committed_world,
         file_seconds_per_frame=1.0 / rate if rate > 0.0 else None,
+        clock=case.facts.get("clock"),
     )
 
 

@@ -75,6 +75,10 @@ class CaseView(Part):
     file_seconds_per_frame: float | None = Field(
         default=None, description="by the rate that the video's file states [s], which is not always physical time"
     )
+    clock: list[float] | None = Field(
+        default=None,
+        description="when each frame was taken, in units of the time between frames; null where frame f was at f",
+    )
 
 
 class EvidenceRow(Part):

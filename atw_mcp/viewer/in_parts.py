@@ -23,6 +23,7 @@ from atw_mcp.calls.files import FileRefused
 from atw_mcp.calls.resource_errors import explaining
 from atw_mcp.viewer.document import Film, ViewDocument
 from atw_mcp.viewer.packing import Blocks, packed
+from polyworld.core.kept import BOUNDS
 
 if TYPE_CHECKING:
     from evidence_store import Case
@@ -71,6 +72,8 @@ class Views:
         view = View(packed(document, blocks), found.data, "" if film is None else film.mime)
         with self._lock:
             self._kept = [*self._kept, (case, rollouts, view)][-KEPT:]
+            while len(self._kept) > 1 and sum(len(v.document) + len(v.film) for *_, v in self._kept) > BOUNDS.views:
+                self._kept = self._kept[1:]
         return view
 
     def part(self, case: str, rollouts: tuple[str, ...], digest: str, number: int) -> bytes:

@@ -18,6 +18,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 from polyworld.core import interruption
 from polyworld.exchange.reading import Imported, import_world
@@ -33,10 +34,10 @@ class ImportLimits:
 
     seconds: of the reader, the child's own start not counted; a robot of a hundred meshes takes a few. memory: bytes
     beyond what the readers themselves occupy; the same robot takes a tenth of it. start_seconds: for the child to load
-    the readers, which takes two on an idle machine.
+    the readers, which takes two the first time, on an idle machine, and a tenth after it.
     """
 
-    seconds: float = 30.0
+    seconds: float = 10.0
     memory: int = 1_000_000_000
     start_seconds: float = 60.0
 
@@ -54,7 +55,7 @@ def import_confined(
     `read` is called in this process. Raises what `import_world` raises, and ValueError where a limit is exceeded.
     """
     limits, path = limits or ImportLimits(), Path(path).absolute()
-    context = multiprocessing.get_context("spawn")
+    context = _context()
     here, there = context.Pipe()
     with tempfile.TemporaryDirectory(prefix="atw-import-") as folder, here:
         options = (str(path), keyframe, floating, read is not None, limits)
@@ -67,6 +68,15 @@ def import_confined(
         finally:
             child.kill()
             child.join()
+
+
+def _context() -> Any:
+    """Return what starts children: copies of a process that has loaded what readers need, where the system can."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():  # Windows
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__, "mujoco"])  # what is not installed is left out
+    return context
 
 
 def _answer(pipe: Connection, path: Path, read: Callable[[Path], bytes] | None, limits: ImportLimits) -> Imported:

@@ -147,12 +147,12 @@ def _check_elements(text: str) -> None:
     while found:
         element, times = found.pop()
         count += times
-        if count > MOST_ELEMENTS:
-            raise ValueError(f"it makes more than {MOST_ELEMENTS:,} elements, those that it multiplies counted")
         if element.tag in ("replicate", "composite", "flexcomp"):
             times *= max(1, prod(int(float(n)) for n in element.get("count", "1").split()))
+            count += times  # they take their time even where there is nothing in them
+        if count > MOST_ELEMENTS:
+            raise ValueError(f"it makes more than {MOST_ELEMENTS:,} elements, those that it multiplies counted")
         found += [(child, times) for child in element]
-        count += times if element.tag in ("composite", "flexcomp") else 0  # they make bodies of themselves
 
 
 def _alone(mujoco: Any, text: str, parent: Path, floating: bool, read: Callable[[Path], bytes]) -> Any:

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Mapping
 from functools import cached_property
-from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.core.kept import BOUNDS, Kept
 from polyworld.model.arrays import Overriding, RigidArrays
 from polyworld.model.mesh import DeformableMesh
 from polyworld.world import Deformable, World, geometry
 from polyworld.world.materials import Material, material_of
 
 Array = NDArray[np.float64]
-
-KEPT = 64  # models of the worlds met last; branches, members and frames of one world are asked for in turn
 
 
 class Model:
@@ -65,18 +62,12 @@ class Model:
         return self.materials[name].size(self.world, self.world.deformable(name), self.mesh(name))
 
 
-_MODELS: OrderedDict[str, Model] = OrderedDict()
-_LOCK = Lock()
+_MODELS: Kept[str, Model] = Kept(BOUNDS.models)
 
 
 def model_of(world: World) -> Model:
     """The model of a world; the same for equal worlds, while it is kept."""
-    with _LOCK:
-        found = _MODELS.pop(world.id, None) or Model(world)
-        _MODELS[world.id] = found
-        while len(_MODELS) > KEPT:
-            _MODELS.popitem(last=False)
-        return found
+    return _MODELS.get(world.id, lambda: Model(world))
 
 
 def mesh_of(world: World, item: Deformable) -> DeformableMesh:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from polyworld.core.kept import BOUNDS, kept
 from polyworld.model.mesh import DeformableMesh
 from polyworld.model.soft_box import box_tetrahedra
 from polyworld.model.soft_elements import QuadraticMesh, quadratic_slice, quadratic_solid, with_volume
@@ -112,7 +112,7 @@ def _check_count(item: Soft) -> None:
         )
 
 
-@lru_cache(maxsize=64)
+@kept(BOUNDS.shapes)
 def _solid(name: str, shape: Shape, edge: float) -> QuadraticMesh:
     if isinstance(shape, Box):
         return quadratic_solid(*box_tetrahedra(shape.half_extents, edge))
@@ -145,7 +145,7 @@ def _cylinder(shape: Cylinder, edge: float) -> QuadraticMesh:
     return replace(mesh, nodes=mesh.nodes * np.array([widen, widen, 1.0]))
 
 
-@lru_cache(maxsize=64)
+@kept(BOUNDS.shapes)
 def _slice(name: str, shape: Shape, edge: float, turn: tuple[float, ...], thickness: float) -> QuadraticMesh:
     """Mesh the section, in the plane z = 0, of a shape turned by the matrix with rows `turn`."""
     rotation = np.asarray(turn).reshape(3, 3)

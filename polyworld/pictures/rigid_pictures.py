@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.core.kept import BOUNDS, kept
 from polyworld.pictures.scene import Drawn, Floor, Rods, Surface
 from polyworld.world import World, geometry
 from polyworld.world.colors import display_color
@@ -87,7 +87,7 @@ def form(shape: Shape, position: Array, rotation: Array, eye: Array) -> Surface 
     return Surface(corners.reshape(-1, 3), triangles, np.repeat(normals, 3, axis=0), np.ones(count))
 
 
-@lru_cache(maxsize=512)
+@kept(BOUNDS.shapes)
 def _corners(shape: Box | ConvexMesh | Wall | TriangleMesh) -> Array:
     """Corners (t, 3, 3) of a shape's faces in its own axes, counter-clockwise seen from outside."""
     if isinstance(shape, TriangleMesh):

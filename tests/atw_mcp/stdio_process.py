@@ -26,9 +26,11 @@ def work_slowly(
     seconds: Annotated[float, Field(ge=0)],
     patience_seconds: Annotated[float, Field(ge=0)] = 30.0,
     fail: str | None = None,
+    opening_seconds: Annotated[float, Field(ge=0)] = 0.0,
 ) -> LongWork:
-    """Count to `seconds`, ten steps a second."""
+    """Count to `seconds`, ten steps a second, after `opening_seconds` of looking at what is asked for."""
     app.case(case)
+    time.sleep(opening_seconds)
 
     def work(progress: Progress) -> Answer:
         steps = round(seconds * 10)

@@ -17,7 +17,9 @@ from prov.model import ProvDocument
 from evidence_store import BadArchive, Evidence, EvidenceStore, RecordDamaged, StoreError, UnknownRecord
 from evidence_store.checking import check
 from evidence_store.export import MANIFEST, ArchiveLimits, export_case, import_case
+from evidence_store.lineage import lineage
 from evidence_store.provenance import prov_json
+from evidence_store.renumbering import IMPORTED
 from tests.evidence_store.records import filled, tamper
 
 
@@ -60,8 +62,9 @@ def rewritten(archive: Path, change: Callable[[dict[str, bytes]], None]) -> Path
 
 def test_a_case_is_the_same_in_an_empty_store(store: EvidenceStore, archive: Path, tmp_path: Path) -> None:
     other = EvidenceStore(tmp_path / "other.db")
-    case, counts = import_case(other, archive)
-    assert (case, counts["evidence"], counts["rollouts"], counts["observations"]) == ("ball", 3, 2, 2)
+    ids, counts = import_case(other, archive)
+    assert (ids.case, ids.shift) == ("ball", 0)
+    assert (counts["evidence"], counts["rollouts"], counts["observations"]) == (3, 2, 2)
     for record in store.evidence.of_case("ball"):
         assert other.read_evidence(record.id) == store.read_evidence(record.id)
         assert list(other.read_evidence(record.id).payload) == list(store.read_evidence(record.id).payload)
@@ -79,14 +82,54 @@ def test_a_case_is_the_same_in_an_empty_store(store: EvidenceStore, archive: Pat
     assert (tmp_path / "again.zip").read_bytes() == archive.read_bytes()
 
 
-def test_taken_ids_are_refused_and_nothing_is_stored(store: EvidenceStore, archive: Path, tmp_path: Path) -> None:
-    with pytest.raises(StoreError, match=r"case 'ball' already.*--store NEW"):
-        import_case(store, archive)
-    other = EvidenceStore(tmp_path / "other.db")
-    other.evidence.add(Evidence("OpenCase", {}))
-    with pytest.raises(StoreError, match=r"ids ev-1, and answers.*--store NEW"):
-        import_case(other, archive)
-    assert other.cases.all() == []
+def test_a_case_is_renumbered_with_every_reference_where_its_ids_are_taken(tmp_path: Path) -> None:
+    source = filled(tmp_path / "atw.db")
+    source.worlds.put("world-c", "{}", parent="world-b", how="effect", detail={"proposal": "ev-1", "hypothesis": "a"})
+    source.cases.add_world("ball", "world-c", "effect")
+    finish = Evidence(
+        "Finish", {"case": "ball", "evidence": ["ev-1"]}, case="ball", summary="yes, by\nev-1: case='ball'"
+    )
+    assert source.evidence.add(finish).id == "ev-4"
+    export_case(source, "ball", tmp_path / "case.zip")
+    before = lineage(source, "ball")
+    other = filled(tmp_path / "other.db", "cube")
+    for named, shift in (("ball", 3), ("ball-2", 7)):
+        ids, _ = import_case(other, tmp_path / "case.zip")
+        case = ids.case
+        assert (case, ids.shift) == (named, shift)
+
+        def there(name: str, case: str = case, shift: int = ids.shift) -> str:
+            name = name.replace("case-ball", f"case-{case}").replace("answer-1-ball", f"answer-1-{case}")
+            return f"ev-{int(name[3:]) + shift}" if name.startswith("ev-") else name
+
+        after = lineage(other, case)
+        assert set(after.records) == {there(name) for name in before.records}
+        assert {(d.source, d.target, d.how) for d in after.derivations} == {
+            (there(d.source), there(d.target), d.how) for d in before.derivations
+        }
+        assert other.cases.answers(case)[0].evidence == (there("ev-1"),)
+        record = other.read_evidence(there("ev-4"))
+        assert record.arguments == {"case": case, "evidence": [there("ev-1")]}
+        assert record.summary == f"yes, by\n{there('ev-1')}: case='{case}'"
+        assert record.payload == {IMPORTED: [{"case": "ball", "evidence": "ev-4"}]}
+    assert other.read_evidence("ev-1").case == "cube"
+    assert all(finding.good for finding in check(other.path))
+    export_case(other, "ball-2", tmp_path / "again.zip")
+    third = filled(tmp_path / "third.db")
+    assert import_case(third, tmp_path / "again.zip")[0].shift == 0
+    ids, _ = import_case(third, tmp_path / "again.zip")
+    assert [old["evidence"] for old in third.read_evidence(f"ev-{8 + ids.shift}").payload[IMPORTED]] == ["ev-1", "ev-8"]
+
+
+def test_what_a_case_left_behind_is_not_mistaken_for_another_record(tmp_path: Path) -> None:
+    source = filled(tmp_path / "atw.db")
+    source.evidence.add(Evidence("Finish", {"evidence": ["ev-2"]}, case="ball"))  # ev-2 has no case
+    export_case(source, "ball", tmp_path / "case.zip")
+    other = filled(tmp_path / "other.db", "cube")
+    ids, _ = import_case(other, tmp_path / "case.zip")
+    (named,) = other.read_evidence(f"ev-{4 + ids.shift}").arguments["evidence"]
+    with pytest.raises(UnknownRecord, match=named):
+        other.read_evidence(named)
 
 
 def test_a_pruned_case_can_come_back(store: EvidenceStore, archive: Path) -> None:

@@ -17,9 +17,10 @@ from atw_mcp.viewer.film import film
 from atw_mcp.viewer.packing import Blocks, packed
 from atw_mcp.viewer.running import running_views
 from evidence_store import Case, ChangeWatch, EvidenceStore, revision
+from polyworld.core.kept import BOUNDS, Kept
 
 NO_TIMES = np.zeros(0, np.float32)
-KEPT = 4  # films and documents: of the cases looked at last
+KEPT = 4  # films, each of `viewer.film.MAX_BYTES` at most: of the cases looked at last
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class LiveContent:
     def __init__(self, store: EvidenceStore) -> None:
         self.store = store
         self._films: OrderedDict[tuple[str, str], PlayedFilm] = OrderedDict()
-        self._documents: OrderedDict[str, tuple[str, bytes]] = OrderedDict()
+        self._documents: Kept[tuple[str, str], bytes] = Kept(BOUNDS.views)
         self._guard = threading.Lock()
 
     def revision(self, case: str) -> str:
@@ -50,13 +51,7 @@ class LiveContent:
         """Return a revision and the packed document that shows it, or a later one; raises UnknownRecord."""
         at = self.revision(case)
         with self._guard:  # two pages that ask at once wait for one document
-            kept = self._documents.get(case)
-            if kept is None or kept[0] != at:
-                kept = self._documents[case] = at, self._packed(case)
-            self._documents.move_to_end(case)
-            while len(self._documents) > KEPT:
-                self._documents.popitem(last=False)
-        return kept
+            return at, self._documents.get((case, at), lambda: self._packed(case))
 
     def film(self, case: str) -> PlayedFilm:
         """Return the film of a case; raises UnknownRecord."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh
 
+from polyworld.core.kept import BOUNDS, kept
 from polyworld.model.soft_elements import (
     TETRAHEDRON_EDGES,
     TETRAHEDRON_FAR,
@@ -54,7 +53,7 @@ def shape_gradients(mesh: QuadraticMesh) -> tuple[Array, Array]:
     return np.concatenate([at_corner, at_middle], axis=2), weight
 
 
-@lru_cache(maxsize=64)
+@kept(BOUNDS.shapes)
 def _table(mesh: QuadraticMesh) -> Array:
     """Largest eigenvalue at each point of `_LINE` with lambda + 2 G = 1 and density 1."""
     d = 2 if mesh.planar else 3

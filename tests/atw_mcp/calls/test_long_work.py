@@ -69,6 +69,20 @@ def test_work_within_its_patience_returns_its_result_and_reports_progress(store:
     assert [progress for progress, _ in reported] == sorted(progress for progress, _ in reported)
 
 
+def test_patience_begins_with_the_call_not_with_the_work(store: Path) -> None:
+    async def session(client: Client) -> None:
+        async with client:
+            call = {"case": "c", "seconds": 60, "opening_seconds": 2.0, "patience_seconds": 2.0}
+            began = time.monotonic()
+            started = body(await client.call_tool("WorkSlowly", call))
+            assert started["status"] == "running"
+            assert time.monotonic() - began < 3.5
+            await client.call_tool("ReadEvidence", {"evidence": started["evidence"], "cancel": True})
+
+    with connection("memory", store, "auto") as client:
+        anyio.run(session, client)
+
+
 @pytest.mark.parametrize("transport", ["memory", "stdio", "http"])
 def test_work_beyond_its_patience_is_reported_joined_and_read_when_done(transport: str, store: Path) -> None:
     async def session(client: Client) -> None:

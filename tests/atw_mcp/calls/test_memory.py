@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -71,3 +72,45 @@ def test_memory_is_given_back_after_every_film(films: int, tmp_path: Path) -> No
     arguments = [str(film), str(tmp_path / "atw.db"), str(films)]
     done = subprocess.run([sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, check=True)
     assert int(done.stdout.splitlines()[-1]) < 0.2 * DECODED
+
+
+MODELLING = """
+import sys
+from pathlib import Path
+
+from atw_mcp.calls.limits import resident_bytes
+from tests.atw_mcp.session import Session
+
+session = Session(Path(sys.argv[1]))
+length = {"first_pixel": [0, 100], "second_pixel": [100, 100], "length": 1.0, "view": "side"}
+ball = {"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}, "color": "red"}
+used = []
+for film in sys.argv[2:]:
+    made = session("ModelVideo", video=film, known_length=length, objects=[ball], patience_seconds=600)
+    session("InspectFrames", case=made["case"], frames=[0, 5])
+    used.append(resident_bytes())
+print(used[-1] - used[0])
+"""
+GROWTH = 150_000_000  # bytes: twice what 20 films were seen to leave, and a fifth of what the caches may hold
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the system does not say what a process uses")
+@pytest.mark.parametrize("films", [3, pytest.param(20, marks=pytest.mark.benchmark)])
+def test_a_server_that_models_many_films_does_not_grow_with_them(films: int, tmp_path: Path) -> None:
+    """The first film loads the kernels; those after it differ in where the ball goes."""
+    paths = [str(tmp_path / f"film{number}.mp4") for number in range(films)]
+    for number, path in enumerate(paths):
+        writer = cv2.VideoWriter(path, cv2.VideoWriter.fourcc(*"mp4v"), 30, (320, 240))
+        for t in np.arange(30) / 30:
+            picture = np.full((240, 320, 3), 150, np.uint8)
+            x, z = 0.3 + (1.5 + 0.05 * number) * t, 0.4 + 4.0 * t - 4.905 * t * t
+            centre = (round(1600 * x), round(16 * (220 - 100 * z)))
+            cv2.circle(picture, centre, 160, (40, 40, 200), -1, cv2.LINE_AA, shift=4)
+            writer.write(picture)
+        writer.release()
+    arguments = [str(tmp_path / "atw.db"), *paths]
+    done = subprocess.run(
+        [sys.executable, "-c", MODELLING, *arguments], capture_output=True, text=True, check=True, cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])},
+    )  # fmt: skip
+    assert int(done.stdout.splitlines()[-1]) < GROWTH

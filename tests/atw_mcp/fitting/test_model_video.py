@@ -73,6 +73,12 @@ def test_each_step_is_evidence_of_its_own_tool_and_known_values_are_not_fitted(s
     assert (refit["data"]["world"], refit["data"]["computed_now"]) == (made["data"]["world"], False)
 
 
+def test_a_video_of_which_no_object_is_known_is_modelled_as_observed(session: Session, clip: str) -> None:
+    made = modelled(session, video=clip)
+    assert set(made["objects"]) == {"red_sphere", "blue_sphere"}
+    assert not any("could not be looked for" in doubt for doubt in made["data"]["doubts"])
+
+
 def test_what_is_not_listed_is_left_out_or_modelled_and_said(session: Session, clip: str) -> None:
     made = modelled(session, video=clip, objects=[PAIR[0], {"name": "ghost", "color": "green", "shape": BALL}])
     assert made["data"]["unseen_objects"] == ["ghost"]

@@ -137,3 +137,17 @@ def test_runs_of_capstone_are_read_once_their_axis_is_stated(session: Session, t
     session("BuildWorld", case=where["case"], objects=[BALL])
     read = session("ImportObservation", kind="recording", columns={"Position (m)": "z"}, **where)["data"]
     assert [run["run"] for run in read["runs"]] == ["Run #1", "Run #2"]
+
+
+@pytest.mark.parametrize(("scale", "said"), [(1.0, False), (1000.0, True)])
+def test_places_that_reach_far_without_a_unit_are_stated(
+    session: Session, tmp_path: Path, scale: float, said: bool
+) -> None:
+    """A throw of 0.4 m in millimetres could as well be one of 400 m: it is read, and the cure is named."""
+    t = np.arange(0.0, 0.5, 1.0 / 60.0)
+    places = scale * np.column_stack([0.4 * t, 1.9 * t - 4.905 * t * t])
+    path = tmp_path / "throw.csv"
+    np.savetxt(path, np.column_stack([t, places]), delimiter=",", header="t,x,z", comments="")
+    case = session("OpenCase", data=str(path))["case"]
+    left_out = session("ImportObservation", case=case, kind="tracks", path=str(path))["data"]["left_out"]
+    assert any("places extend over 411.3 m; where they are in millimetres" in text for text in left_out) is said

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import atw_mcp.viewer
@@ -43,16 +44,48 @@ def test_page_runs_nothing_but_its_own_script() -> None:
     assert page.count("<script") - page.count('"<script') == 1
 
 
-def test_rebuilt_page_has_the_same_bytes(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def web(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sources of the page with what it is made of."""
     if shutil.which("npm") is None or shutil.which("node") is None:
         pytest.skip("Node.js is not installed: the page cannot be rebuilt")
-    web = tmp_path / "web"
+    web = tmp_path_factory.mktemp("viewer") / "web"
     shutil.copytree(WEB, web, ignore=shutil.ignore_patterns("node_modules"))
     install = ["npm", "install", "--no-package-lock", "--no-audit", "--no-fund", "--prefer-offline"]
     done = subprocess.run(install, cwd=web, capture_output=True, text=True, check=False)
     if done.returncode:
         pytest.skip(f"npm could not install what the page is made of: {done.stderr.strip()[-200:]}")
-    subprocess.run(["node", "build.mjs", "--out", str(tmp_path / "viewer.html")], cwd=web, check=True)
+    return web
+
+
+def test_rebuilt_page_has_the_same_bytes(web: Path) -> None:
+    made = web.parent / "viewer.html"
+    subprocess.run(["node", "build.mjs", "--out", str(made)], cwd=web, check=True)
     types = subprocess.run(["npx", "tsc", "--noEmit"], cwd=web, capture_output=True, text=True, check=False)
     assert types.returncode == 0, types.stdout
-    assert (tmp_path / "viewer.html").read_bytes() == (FOLDER / "viewer.html").read_bytes(), ADVICE
+    assert made.read_bytes() == (FOLDER / "viewer.html").read_bytes(), ADVICE
+
+
+ASK = """
+import { build } from "esbuild";
+await build({ entryPoints: ["src/frame_clock.ts"], bundle: true, format: "esm", outfile: "out/frame_clock.mjs" });
+const { FrameClock } = await import("./out/frame_clock.mjs");
+const { step, clock, places } = JSON.parse(process.argv[2]);
+const made = new FrameClock(step, clock);
+const times = places.map((place) => made.time(place));
+console.log(JSON.stringify({ times, back: times.map((t) => made.frame(t)), interval: made.interval }));
+"""
+
+
+@pytest.mark.parametrize("clock", [None, [0.0, 1.0, 2.0, 5.0, 6.0, 6.5]])
+def test_page_takes_frames_at_their_own_times(web: Path, clock: list[float] | None) -> None:
+    (web / "ask.mjs").write_text(ASK)
+    places = [-1.0, 0.0, 0.5, 2.5, 3.0, 4.75, 5.0, 7.0]
+    asked = json.dumps({"step": 0.1, "clock": clock, "places": places})
+    done = subprocess.run(["node", "ask.mjs", asked], cwd=web, capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout.splitlines()[-1])
+    taken = np.arange(6) if clock is None else np.array(clock)
+    inside = np.clip(places, 0, 5)
+    np.testing.assert_allclose(found["times"], 0.1 * (np.interp(inside, np.arange(6), taken) + places - inside))
+    np.testing.assert_allclose(found["back"], places, atol=1e-12)
+    assert found["interval"] == pytest.approx(0.1 * taken[-1] / 5)

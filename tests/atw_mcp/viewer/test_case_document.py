@@ -109,7 +109,11 @@ def test_time_of_a_video_without_a_world_is_that_of_its_file(tmp_path: Path) -> 
     store = EvidenceStore(tmp_path / "atw.db")
     store.cases.add("fast", content="a", kind="video", path="fast.avi", facts={"frames_per_second": 60.0})
     store.cases.add("silent", content="b", kind="video", path="silent.avi", facts={"frames_per_second": 0.0})
+    uneven = {"frames_per_second": 30.0, "clock": [0.0, 1.0, 3.0]}
+    store.cases.add("uneven", content="c", kind="video", path="uneven.mp4", facts=uneven)
     store.close()
+    assert read(tmp_path / "atw.db", "uneven").case.clock == [0.0, 1.0, 3.0]
+    assert read(tmp_path / "atw.db", "fast").case.clock is None
     assert read(tmp_path / "atw.db", "fast").case.file_seconds_per_frame == 1 / 60
     assert read(tmp_path / "atw.db", "silent").case.file_seconds_per_frame is None
 

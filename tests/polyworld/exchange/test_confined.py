@@ -34,8 +34,9 @@ def test_a_file_is_read_as_without_limits(tmp_path: Path) -> None:
     assert not multiprocessing.active_children()
 
 
-def test_elements_are_counted_before_anything_is_made_of_them(tmp_path: Path) -> None:
-    many = f'<mujoco><worldbody>{GRID * 3}<geom size="0.1"/>{"</replicate>" * 3}</worldbody></mujoco>'
+@pytest.mark.parametrize("inside", ['<geom size="0.1"/>', ""])
+def test_elements_are_counted_before_anything_is_made_of_them(tmp_path: Path, inside: str) -> None:
+    many = f"<mujoco><worldbody>{GRID * 3}{inside}{'</replicate>' * 3}</worldbody></mujoco>"
     started = time.process_time()
     with pytest.raises(ValueError, match="makes more than 20,000 elements"):
         import_world(written(tmp_path / "many.xml", many))

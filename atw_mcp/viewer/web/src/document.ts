@@ -77,6 +77,8 @@ export interface CaseView {
   committed_world: string | null;
   /** by the rate that the video's file states [s], which is not always physical time */
   file_seconds_per_frame: number | null;
+  /** when each frame was taken, in units of the time between frames; null where frame f was at f */
+  clock: number[] | null;
 }
 
 /** The probability of a statement that an ensemble was asked about. */

@@ -7,12 +7,12 @@ import {
   duration,
   eye,
   followed,
+  frameClock,
   layout,
   loop,
   nearestFrame,
   object,
   playing,
-  secondsPerFrame,
   seek,
   speed,
   time,
@@ -66,7 +66,7 @@ export function togglePlay(): void {
 /** Go to the instant of the next frame or of the one before. */
 export function stepFrame(direction: 1 | -1): void {
   playing.value = false;
-  seek((nearestFrame.value + direction) * secondsPerFrame.value);
+  seek(frameClock.value.time(nearestFrame.value + direction));
 }
 
 export function changeSpeed(direction: 1 | -1): void {

@@ -2,6 +2,7 @@
 import { batch, computed, effect, signal } from "@preact/signals";
 import type { Running, RolloutView, Tracks, WorldView } from "./document";
 import { defaults, type Pair } from "./defaults";
+import { FrameClock } from "./frame_clock";
 import type { Opened } from "./unpack";
 
 export type Layout = "one" | "side" | "ghost";
@@ -68,6 +69,9 @@ export const secondsPerFrame = computed(
   () => modelled.value ?? document.value?.case.file_seconds_per_frame ?? 0.04,
 );
 
+/** When each frame of the video was taken. */
+export const frameClock = computed(() => new FrameClock(secondsPerFrame.value, document.value?.case.clock ?? null));
+
 /** Where the time is not that of a world, what it is: time as the video's file has it. */
 export const timeBase = computed(() => {
   if (modelled.value !== null || !document.value?.film) return "";
@@ -78,7 +82,7 @@ export const timeBase = computed(() => {
 export const filmEnd = computed(() => {
   if (document.value?.case.kind !== "video") return null;
   const frames = document.value.film?.frame_count || world.value?.frame_count || 0;
-  return frames > 0 ? (frames - 1) * secondsPerFrame.value : null;
+  return frames > 0 ? frameClock.value.time(frames - 1) : null;
 });
 
 /** Measured positions of the run chosen; null where there are none. */
@@ -98,7 +102,7 @@ export const duration = computed(() => {
 });
 
 /** Frame of the video at the present time, not rounded. */
-export const frame = computed(() => time.value / secondsPerFrame.value);
+export const frame = computed(() => frameClock.value.frame(time.value));
 
 /** The frame nearest to the present time, which the film shows and all panels name; beyond the last after the video. */
 export const nearestFrame = computed(() => Math.round(frame.value));

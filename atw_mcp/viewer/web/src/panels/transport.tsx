@@ -4,7 +4,7 @@ import { happening, stepEvent, visibleLanes } from "../events";
 import { moment } from "../format";
 import { Icon, type IconName } from "../icons";
 import { SPEEDS, stepFrame, togglePlay } from "../keys";
-import { document, duration, filmEnd, frame, loop, nearestFrame, playing, secondsPerFrame, seek, speed, time, timeBase } from "../state";
+import { document, duration, filmEnd, frame, frameClock, loop, nearestFrame, playing, secondsPerFrame, seek, speed, time, timeBase } from "../state";
 import "./transport.css";
 
 const FRACTIONS: Record<number, string> = { 0.0625: "1/16", 0.125: "1/8", 0.25: "1/4", 0.5: "1/2" };
@@ -70,7 +70,7 @@ function Button({ icon, label, run }: { icon: IconName; label: string; run: () =
 
 /** The time in seconds and as a frame of the video. */
 function Clock() {
-  const beyond = filmEnd.value !== null && nearestFrame.value > Math.round(filmEnd.value / secondsPerFrame.value);
+  const beyond = filmEnd.value !== null && nearestFrame.value > Math.round(frameClock.value.frame(filmEnd.value));
   return (
     <p class="clock number" data-time={time.value} data-frame={frame.value}>
       <b>{moment(time.value)}</b>

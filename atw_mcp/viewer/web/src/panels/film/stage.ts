@@ -5,13 +5,13 @@ import { words } from "../../format";
 import {
   duration,
   frame,
+  frameClock,
   nearestFrame,
   object,
   other,
   otherWorld,
   playing,
   rollout,
-  secondsPerFrame,
   speed,
   world,
 } from "../../state";
@@ -154,7 +154,7 @@ export class Stage {
 
   /** Keep the video in step with the clock. */
   private lead(): void {
-    const step = secondsPerFrame.value;
+    const step = frameClock.value.interval;
     this.player.value?.follow(frame.value, playing.value ? speed.value / step : 0);
   }
 
@@ -164,7 +164,7 @@ export class Stage {
     if (!context || width === 0) return;
     const place = this.place.value;
     const shown = place < this.count ? place : null;
-    const t = place * secondsPerFrame.value;
+    const t = frameClock.value.time(place);
     void this.arrived.value;
     const sheet = new Sheet(context, width / this.size.width, this.size.width, this.size.height);
     sheet.clear(ratio);
@@ -218,7 +218,7 @@ export class Stage {
     for (let next = this.nextMissing(); next && !this.gone; next = this.nextMissing()) {
       const { run, place } = next;
       try {
-        await run.outlines!.make(place * secondsPerFrame.peek(), this.motion(place));
+        await run.outlines!.make(frameClock.peek().time(place), this.motion(place));
       } catch {
         // the context of WebGL is gone: with this stage, as another document is shown, or by the browser's doing
         if (!this.gone) this.noLabels = "the world is not drawn over the video: the browser gave up WebGL";
@@ -232,11 +232,11 @@ export class Stage {
   private nextMissing(): { run: Run; place: number } | null {
     if (!worldLayer.on.peek()) return null;
     const from = this.place.peek();
-    const step = secondsPerFrame.peek();
-    const count = Math.min(KEPT - 1, Math.round(duration.peek() / step) + 1);
+    const clock = frameClock.peek();
+    const count = Math.min(KEPT - 1, Math.round(clock.frame(duration.peek())) + 1);
     for (let ahead = 0; ahead < count; ahead++) {
       const place = (from + ahead) % Math.max(count, from + 1);
-      const run = this.runs.find((r) => r.outlines && !r.outlines.at(place * step));
+      const run = this.runs.find((r) => r.outlines && !r.outlines.at(clock.time(place)));
       if (run) return { run, place };
     }
     return null;
