@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from atw_mcp.probing.ensemble_answers import query_answer
 from atw_mcp.probing.ensembles import Ensemble
 from atw_mcp.probing.prediction_errors import distance, travelled_since
-from polyworld.estimation.model_error import with_model_error
+from polyworld.estimation.accuracy import with_model_error
 from polyworld.probing.ensemble_statistics import decisive_split, relations, varying
 from polyworld.probing.predicates import Predicate, names_in
 from polyworld.probing.query import Aggregation, QueryResult, query

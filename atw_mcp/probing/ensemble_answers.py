@@ -13,7 +13,7 @@ from atw_mcp.calls.intervals import Span
 from atw_mcp.probing import readouts
 from atw_mcp.probing.ensembles import Ensemble
 from atw_mcp.probing.prediction_errors import SETTINGS, chances, travelled_since
-from polyworld.estimation.model_error import with_model_error
+from polyworld.estimation.accuracy import with_model_error
 from polyworld.probing.compare import Comparison, compare
 from polyworld.probing.ensemble_statistics import (
     LEVEL,

@@ -1,7 +1,7 @@
 """How probable a member's answer is, given that predictions beyond the last fitted frame are off by more than members.
 
 Members differ by what the data leave open in the parameters of one model, which is not quite right itself
-(`polyworld.estimation.model_error`).
+(`polyworld.estimation.accuracy`).
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.probing.ensembles import Ensemble
+from polyworld.estimation.accuracy import travelled, travelled_by_axis
 from polyworld.estimation.fit_settings import ModelSettings
-from polyworld.estimation.model_error import travelled, travelled_by_axis
 from polyworld.probing.query import QueryResult
 from polyworld.trajectory import Rollout
 from polyworld.world import geometry

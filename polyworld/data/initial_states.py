@@ -27,6 +27,8 @@ VAGUE = 0.2  # [m/s]; a short path whose curvature leaves its velocity less cert
 CURVING = 0.5  # [m/s^2]; how much a path taken as straight may curve all the same
 KEPT = 0.8  # share of a stretch that is kept when something ended it
 BIAS = 2.0  # factor on standard deviations: a stretch is long enough for its quadratic to be biased by about one
+FIRST = 8  # samples from which a first velocity is taken
+CLEARLY = 2.0  # ratio of the squares of a fall's and a line's misfit from which one of them is the better
 MISFIT = 4.0  # standard deviations by which a mean squared residual exceeds the noise where free motion has ended
 
 
@@ -216,6 +218,33 @@ def _straight_or_falling(
         fits.append((float(off), path, covariance))
     _, path, covariance = min(fits, key=lambda fit: fit[0])
     return path, covariance
+
+
+def line_or_fall(times: Array, values: Array, acceleration: float) -> tuple[float, float]:
+    """Return value and slope at time 0 of the first samples (m,): with the curvature of a fall, or straight where they
+    clearly say that something supports the body. As many samples are asked as it takes to decide."""
+    fallen = 0.5 * acceleration * times**2
+    for count in (FIRST, 2 * FIRST, 4 * FIRST):
+        t, y, f = times[:count], values[:count], fallen[:count]
+        straight, falling = (float(np.sum((v - np.polyval(np.polyfit(t, v, 1), t)) ** 2)) for v in (y, y - f))
+        if len(t) >= 4 and max(straight, falling) > CLEARLY * min(straight, falling):
+            fallen = fallen if falling < straight else 0.0 * fallen
+            break
+    slope, place = np.polyfit(times[:FIRST], (values - fallen)[:FIRST], 1)
+    return float(place), float(slope)
+
+
+def first_value(times: Array, values: Array) -> float:
+    """Return the first of the values (m,) of a series without its noise, as far as one path describes them; NaN where
+    none was measured."""
+    seen = np.isfinite(values)
+    if not seen.any():
+        return np.nan
+    t, y = times[seen] - times[seen][0], values[seen][:, None]
+    noise = max(float(np.nan_to_num(noise_levels(t, y)[0])), 1e-9 * float(np.abs(y).max()), 1e-12)
+    weight = np.ones(len(t))
+    count = free_stretch(t, y, weight, noise, 1)
+    return float(_polynomial(t[:count], y[:count], weight[:count], noise)[0][0, 0])
 
 
 def _spread(times: Array, spread: Array) -> tuple[float, float]:

@@ -88,9 +88,8 @@ def constants(
         value = worlds[0].time.seconds_per_frame
         spec = specification(worlds[0], "time.seconds_per_frame")
         lower, upper = max(spec.lower, value / RATIO), min(spec.upper, value * RATIO)
-        found.append(
-            Unknown("seconds_per_frame", ("time.seconds_per_frame",), "s", value, lower, upper, 0.3, scale="log")
-        )
+        path = ("time.seconds_per_frame",)
+        found.append(Unknown("seconds_per_frame", path, "s", value, lower, upper, 0.3, scale="log"))
     return found
 
 
@@ -172,12 +171,11 @@ class _Rows:
         for name, own in self.groups.items():
             apart = [o for o in own if isinstance(o.shape, Sphere)] if self.planar and self.rolling == "rolls" else []
             rest = [o for o in own if o not in apart]
-            if rest and name not in self.unstated:
-                found.append(self._friction(f"friction of {name}", rest, self._prior_of(name), surface))
-            elif rest:
-                power = 2.0 if surface else 1.0
-                found.append(self._departure("friction", name, rest, power))
+            if rest and name in self.unstated:
+                found.append(self._departure("friction", name, rest, 2.0 if surface else 1.0))
                 common += rest
+            elif rest:
+                found.append(self._friction(f"friction of {name}", rest, self._prior_of(name), surface))
             if apart:
                 found.append(self._friction(f"rolling friction of {name}", apart, self.settings.ln_rolling, surface))
         if common:
@@ -238,17 +236,11 @@ class _Rows:
 
     def restitutions(self) -> list[Unknown]:
         """Restitution by group; of objects without a stated material a common one, and factors on it."""
-        mean, sd = self.settings.restitution
-        found = [
-            self._of(
-                own,
-                Unknown(
-                    f"restitution of {name}", _paths(own, "restitution"), "1", mean, 0.0, 1.0, sd, prior=(mean, sd)
-                ),
-            )
-            for name, own in self.groups.items()
-            if name not in self.unstated
-        ]
+        (mean, sd), found = self.settings.restitution, list[Unknown]()
+        for name, own in self.groups.items():
+            if name not in self.unstated:
+                label, paths = f"restitution of {name}", _paths(own, "restitution")
+                found.append(self._of(own, Unknown(label, paths, "1", mean, 0.0, 1.0, sd, prior=(mean, sd))))
         if self.unstated:
             bodies = [o for name in self.unstated for o in self.groups[name]]
             label, paths = f"restitution {COMMON}", _paths(bodies, "restitution")

@@ -33,12 +33,12 @@ from polyworld.estimation.noise import track_sigma
 from polyworld.estimation.posterior import SamplingSettings
 from polyworld.estimation.problem import Block
 from polyworld.estimation.readout import sample_times, tracks_readout
-from polyworld.estimation.search import CemSettings, Search, SearchSettings, search
-from polyworld.estimation.starts import initial_state
+from polyworld.estimation.search import Search, SearchSettings, search
+from polyworld.estimation.states import stretch_state
 from polyworld.estimation.stretches import Stretch, stretches
 from polyworld.estimation.study import Study, StudyRun
 from polyworld.estimation.support import supports, with_supports
-from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.unknown import Unknown, joined
 from polyworld.estimation.whole_run import Through, refined, through
 from polyworld.world import World
 from polyworld.world.geometry import circumscribed_radius
@@ -156,7 +156,7 @@ class _Fit:
         problem = self.problem(tracks, rolling, cut=False)
         o = self.options
         elites = max(2, o.population // 4)
-        chosen = SearchSettings(o.generations, CemSettings(o.population, elites, min(4, elites)), o.seed)
+        chosen = SearchSettings(o.generations, o.population, elites, min(4, elites), seed=o.seed)
         cost = float(problem.costs([problem.start()], 1.0)[0])
 
         def watched(number: int, least: float) -> None:
@@ -208,7 +208,7 @@ class _Fit:
             world = with_supports(part.world, part.tracks) if self.options.states else part.world
             world = _coarser(world, self.settings.descent.substep)
             part = replace(part, world=world)
-            states = initial_state(part, self.settings.priors, rolling, free=self.options.states)
+            states = stretch_state(part, self.settings.priors, rolling) if self.options.states else joined([])
             readout = tracks_readout(world, part.tracks, sigma)
             blocks.append(
                 Block(run.name, world, sample_times(world, part.tracks), readout, states, part.link, groups=part.groups)

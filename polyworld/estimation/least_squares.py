@@ -54,6 +54,13 @@ class Normal:
     border: list[Array]
     slopes: list[Linearised]
 
+    def information(self) -> Array:
+        """Return the information of the shared coordinates (S, S) with the states of all runs eliminated."""
+        found = self.shared.copy()
+        for own, border in zip(self.own, self.border, strict=True):
+            found -= border.T @ inverse(own) @ border
+        return found
+
 
 @dataclass(frozen=True)
 class Minimum:
@@ -205,23 +212,18 @@ class Problem:
 
     def step(self, normal: Normal, at: Point, damping: float) -> Point:
         """Return the point that a damped Gauss-Newton step leads to, within bounds."""
-        s = len(self.shared)
         shared, gradient = normal.shared + damping * np.diag(np.diag(normal.shared) + 1e-12), normal.gradient.copy()
         solved = []
         for own, g, border in zip(normal.own, normal.own_gradient, normal.border, strict=True):
-            if not len(g):
-                solved.append((g, border))
-                continue
             damped = own + np.diag(damping * np.diag(own) + 1e-9)
             both = np.linalg.solve(damped, np.concatenate([g[:, None], border], axis=1))
-            shared = shared - border.T @ both[:, 1:]
-            gradient = gradient - border.T @ both[:, 0]
+            shared, gradient = shared - border.T @ both[:, 1:], gradient - border.T @ both[:, 0]
             solved.append((both[:, 0], both[:, 1:]))
         free = ~(
             ((at.shared <= self.lower) & (normal.gradient > 0.0))
             | ((at.shared >= self.upper) & (normal.gradient < 0.0))
         )
-        change = np.zeros(s)
+        change = np.zeros(len(gradient))
         if free.any():
             size = np.maximum(np.diag(shared)[free], 1e-300) ** -0.5  # units differ by orders of magnitude
             scaled = shared[np.ix_(free, free)] * size[:, None] * size
@@ -323,12 +325,8 @@ class Problem:
 
         H (S, S): information with initial states eliminated; S: of the priors.
         """
-        information = found.normal.shared.copy()
-        for own, border in zip(found.normal.own, found.normal.border, strict=True):
-            if len(own):
-                information -= border.T @ np.linalg.pinv(own + 1e-9 * np.eye(len(own)), hermitian=True) @ border
         known = np.isfinite(self.prior_sd)
-        scaled = information[np.ix_(known, known)] * np.outer(self.prior_sd[known], self.prior_sd[known])
+        scaled = found.normal.information()[np.ix_(known, known)] * np.outer(self.prior_sd[known], self.prior_sd[known])
         return float(np.linalg.slogdet(scaled + 1e-12 * np.eye(len(scaled)))[1])
 
     def slacks(self, point: Point, r: int) -> tuple[float, ...]:
@@ -365,6 +363,11 @@ def _coloured(touched: Flags) -> Ints:
         used[free] = used[free] | row
         found[i] = free
     return found
+
+
+def inverse(own: Array) -> Array:
+    """Return the inverse of the information of states (n, n), some of which nothing may show."""
+    return np.asarray(np.linalg.pinv(own + 1e-9 * np.eye(len(own)), hermitian=True) if len(own) else own)
 
 
 def huber_loss(residuals: Array, threshold: float) -> Array:

@@ -198,14 +198,12 @@ def linkages(world: World) -> tuple[Linkage, ...]:
     left = list(joints)
     broken: set[int] = set()
     while left:
-        ready = [
-            (j, n, p) for j in left for n, p in ((j.object, j.other), (j.other, j.object)) if _extends(n, p, placed)
-        ]
+        ways = [(j, n, p) for j in left for n, p in ((j.object, j.other), (j.other, j.object)) if n is not None]
+        ready = [way for way in ways if way[2] is None or way[2] in placed]
         if not ready:
             break
         joint, name, parent = ready[0]
         left.remove(joint)
-        assert name is not None
         if name in placed:  # a closed chain, unless it is a door's other hinge
             own, at = placed[name]
             if not (parent is None and _same_hinge(world, found[own][at], joint)):
@@ -254,10 +252,6 @@ def _turns_between(stops: tuple[float, float], angle: float) -> float:
 def is_held(world: World, name: str) -> bool:
     """Return whether joints other than springs hold an object."""
     return any(name in (j.object, j.other) for j in world.joints if not isinstance(j, Spring))
-
-
-def _extends(name: str | None, parent: str | None, placed: Mapping[str, tuple[int, int]]) -> bool:
-    return name is not None and (parent is None or parent in placed)
 
 
 def _simple(link: Link, before: list[Link]) -> bool:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from polyworld.data.initial_states import NOISE_FLOOR
-from polyworld.data.noise import FEWEST, KEPT, noise_level, noise_levels
+from polyworld.data.noise import noise_level, noise_levels
 from polyworld.data.recording import Run
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world.symmetry import rotation_vector
@@ -85,22 +83,15 @@ def _of_run(
 
 
 def _turn_level(run: Run, column: int) -> float | None:
+    """Return the noise of turns, which are counted on from instant to instant; None where too few were measured."""
     turned = np.isfinite(run.orientations[:, column]).all(axis=-1)
     q = run.orientations[turned, column]
-    if len(q) < 4 + FEWEST:
+    if len(q) < 4:
         return None
-    steps = rotation_vector(q[1:], q[:-1])
-    own = np.array([_trimmed(d) for d in np.diff(steps, 2, axis=0).T])
-    own = own[own >= STILL * own.max()]
-    return float(np.sqrt(np.mean(own**2) / comb(6, 3)))
-
-
-def _trimmed(values: Array) -> float:
-    """Return a standard deviation of which the largest values are no part."""
-    square = np.sort(values**2)[: max(3, int(KEPT * len(values)))]
-    edge = float(norm.ppf(0.5 + 0.5 * KEPT))
-    kept = 1.0 - 2.0 * edge * float(norm.pdf(edge)) / KEPT  # variance of a normal variable within the edge
-    return float(np.sqrt(square.mean() / kept))
+    own = noise_levels(run.times[turned][1:], np.cumsum(rotation_vector(q[1:], q[:-1]), axis=0))
+    if not np.isfinite(own).all():
+        return None
+    return float(np.sqrt(np.mean(own[own >= STILL * own.max()] ** 2)))
 
 
 def track_sigma(tracks: ObservedTracks) -> Array:

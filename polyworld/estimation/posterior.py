@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 from scipy.special import logsumexp
 from scipy.stats import multivariate_t
 
-from polyworld.estimation.least_squares import Minimum, Problem, huber_loss, huber_weights
+from polyworld.estimation.least_squares import Minimum, Problem, huber_loss, huber_weights, inverse
 from polyworld.estimation.problem import link_start
 
 Array = NDArray[np.float64]
@@ -65,13 +65,11 @@ def sample(
     information = normal.shared.copy()
     for less, own, border in _tempered(problem, found, remainder):
         information -= less
-        inverse = np.asarray(np.linalg.pinv(own + 1e-9 * np.eye(len(own)), hermitian=True) if len(own) else own)
-        answers.append(-inverse @ border)
-        inverses.append(inverse)
-        information -= border.T @ inverse @ border
-        values, vectors = np.linalg.eigh(inverse) if len(own) else (np.zeros(0), inverse)
-        width: Array = vectors * np.sqrt(np.maximum(values, 0.0))
-        widths.append(width)
+        inverses.append(inverse(own))
+        answers.append(-inverses[-1] @ border)
+        information -= border.T @ inverses[-1] @ border
+        values, vectors = np.linalg.eigh(inverses[-1])
+        widths.append(vectors * np.sqrt(np.maximum(values, 0.0)))
     flat = ((problem.upper - problem.lower) / np.sqrt(12.0)) ** -2.0  # no wider than the bounds
     information += np.diag(flat)
     scale = np.sqrt(np.maximum(np.diag(normal.shared) + flat, 1e-300))

@@ -24,19 +24,11 @@ def counted_vectors(vectors: Array, simulated: Array, observed: Array) -> Array:
     """Return rotation vectors (k, m, 3) [rad] from observed (m, 4) to simulated (k, m, 4) orientations, counted on from
     the first instant. vectors (k, m, 3): the smallest ones.
     """
-    half = np.pi
-    far = np.flatnonzero(np.nanmax(np.linalg.norm(vectors, axis=-1), axis=1, initial=0.0) > NEAR * half)
+    far = np.flatnonzero(np.nanmax(np.linalg.norm(vectors, axis=-1), axis=1, initial=0.0) > NEAR * np.pi)
     if not len(far):
         return vectors
-    steps = _steps(simulated[far])
-    mismatch = rotation_vector(steps, _steps(observed))
-    size = np.linalg.norm(mismatch, axis=-1, keepdims=True)
-    mismatch = np.where(size < LEAP * half, mismatch, 0.0)
-    counted = vectors[far].copy()
-    counted[:, 1:] = counted[:, :1] + np.cumsum(mismatch, axis=1)
-    share = _share(np.linalg.norm(counted, axis=-1, keepdims=True), half)
     result = vectors.copy()
-    result[far] += share * (counted - vectors[far])
+    result[far] = _counted(vectors[far], rotation_vector(_steps(simulated[far]), _steps(observed)), np.pi)
     return result
 
 
@@ -44,12 +36,17 @@ def counted_angles(angles: Array, half: float) -> Array:
     """Return angles (k, m) [rad] in a plane, folded into (-half, half], counted on from the first instant."""
     if not np.nanmax(np.abs(angles) / half, initial=0.0) > NEAR:
         return angles
-    mismatch = np.diff(angles, axis=1)
-    mismatch -= 2.0 * half * np.round(mismatch / (2.0 * half))
-    mismatch = np.where(np.abs(mismatch) < LEAP * half, mismatch, 0.0)
-    counted = angles.copy()
-    counted[:, 1:] = counted[:, :1] + np.cumsum(mismatch, axis=1)
-    result: Array = angles + _share(np.abs(counted), half) * (counted - angles)
+    steps = np.diff(angles, axis=1)
+    steps -= 2.0 * half * np.round(steps / (2.0 * half))
+    return _counted(angles[..., None], steps[..., None], half)[..., 0]
+
+
+def _counted(turns: Array, steps: Array, half: float) -> Array:
+    """Return turns (k, m, c) near the data, and far from them the sum of the mismatches (k, m - 1, c) of steps."""
+    steps = np.where(np.linalg.norm(steps, axis=-1, keepdims=True) < LEAP * half, steps, 0.0)
+    counted = np.concatenate([turns[:, :1], turns[:, :1] + np.cumsum(steps, axis=1)], axis=1)
+    x = np.clip((np.linalg.norm(counted, axis=-1, keepdims=True) / half - NEAR) / (SUMMED - NEAR), 0.0, 1.0)
+    result: Array = turns + x * x * (3.0 - 2.0 * x) * (counted - turns)
     return result
 
 
@@ -58,10 +55,3 @@ def _steps(orientations: Array) -> Array:
     conjugate = orientations[..., :-1, :] * np.array([1.0, -1.0, -1.0, -1.0])
     steps: Array = geometry.quaternion_product(orientations[..., 1:, :], conjugate)
     return steps
-
-
-def _share(size: Array, half: float) -> Array:
-    """Return 0 near the data, 1 far from them, smooth between."""
-    x = np.clip((size / half - NEAR) / (SUMMED - NEAR), 0.0, 1.0)
-    share: Array = x * x * (3.0 - 2.0 * x)
-    return share

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,121 +21,65 @@ from polyworld.estimation.least_squares import Point, Problem
 Array = NDArray[np.float64]
 
 Evaluate = Callable[[Array], Array]
-
-
-@dataclass(frozen=True)
-class CemSettings:
-    """population N candidates a generation, of which `elites` K form the elite set and the `carried` best so
-    far are candidates of the generation before. smoothing: the weight of the old mean and deviation. floor:
-    smallest standard deviation as a share of the initial one.
-    """
-
-    population: int = 64
-    elites: int = 12
-    carried: int = 4
-    smoothing: float = 0.4
-    floor: float = 0.01
-
-    def __post_init__(self) -> None:
-        if not 2 <= self.elites <= self.population:
-            raise ValueError(f"elites must lie in 2..population ({self.population}), got {self.elites}")
-        if not 0 <= self.carried <= min(self.elites, self.population - 1):
-            raise ValueError(f"carried must lie in 0..{min(self.elites, self.population - 1)}, got {self.carried}")
-        if not 0.0 <= self.smoothing < 1.0:
-            raise ValueError(f"smoothing must lie in [0, 1), got {self.smoothing}")
-        if not 0.0 <= self.floor <= 1.0:
-            raise ValueError(f"floor must lie in 0..1, got {self.floor}")
-
-
-@dataclass
-class CemState:
-    """All that the search knows between generations.
-
-    mean, sd (P,): the proposal. elite (K', P): the best candidates so far, best first, and their losses.
-    rng: state of the random generator.
-    """
-
-    generation: int
-    mean: Array
-    sd: Array
-    elite: Array
-    elite_losses: Array
-    rng: dict[str, Any]
-
-    @classmethod
-    def start(cls, mean: Array, sd: Array, seed: int) -> CemState:
-        """Return the state before the first generation."""
-        p = len(mean)
-        return cls(
-            generation=0,
-            mean=np.array(mean, dtype=float),
-            sd=np.array(sd, dtype=float),
-            elite=np.zeros((0, p)),
-            elite_losses=np.zeros(0),
-            rng=dict(np.random.default_rng(seed).bit_generator.state),
-        )
-
-
-def generation(
-    state: CemState,
-    evaluate: Evaluate,
-    lower: Array,
-    upper: Array,
-    floor: Array,
-    settings: CemSettings,
-    *,
-    free: NDArray[np.bool_] | None = None,
-) -> CemState:
-    """Run one generation: sample, project, evaluate, select, update; return the next state.
-
-    evaluate: candidates (N, P) -> losses (N,). floor (P,): smallest standard deviations. free (P,):
-    parameters that take part (default all); the others keep their mean in every candidate and their proposal.
-    The carried candidates are evaluated again with the rest, so `evaluate` may change between generations
-    (a longer horizon) and the elite's losses always belong to the present one.
-    """
-    rng = np.random.default_rng(0)
-    rng.bit_generator.state = state.rng
-    active = np.ones(len(state.mean), dtype=bool) if free is None else free
-    noise = rng.standard_normal((settings.population, len(state.mean)))
-    candidates = np.clip(state.mean + state.sd * noise * active, lower, upper)
-    # The mean itself is a candidate, and the best so far are carried over.
-    candidates[-1] = np.clip(state.mean, lower, upper)
-    carried = state.elite[: settings.carried]
-    candidates[: len(carried)] = carried
-    losses = evaluate(candidates)
-    order = np.argsort(losses, kind="stable")[: settings.elites]
-    elite = candidates[order]
-    elite_mean, elite_sd = elite.mean(axis=0), elite.std(axis=0)
-    a = settings.smoothing
-    mean = np.where(active, a * state.mean + (1.0 - a) * elite_mean, state.mean)
-    sd = np.where(active, np.maximum(floor, a * state.sd + (1.0 - a) * elite_sd), state.sd)
-    return CemState(
-        generation=state.generation + 1,
-        mean=mean,
-        sd=sd,
-        elite=elite,
-        elite_losses=losses[order],
-        rng=dict(rng.bit_generator.state),
-    )
-
-
 Search = Literal["cem", "random_search"]
 
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """generations of `cem.population` candidates each. reach: ordinary changes of an initial state within which it is
-    searched, beyond the error of a first guess. stages: equal shares of the time that a search sees in turn; last:
-    share of the generations that see all of it. reopen: share of the first deviation to which it is raised where the
-    horizon grows."""
+    """generations of `population` candidates, of which `elites` form the elite set and the `carried` best so far are
+    candidates of the generation before. smoothing: the weight of the old mean and deviation. floor: smallest standard
+    deviation as a share of the initial one. reach: ordinary changes of an initial state within which it is searched,
+    beyond the error of a first guess. stages: equal shares of the time that a search sees in turn; last: share of the
+    generations that see all of it. reopen: share of the first deviation to which it is raised where the horizon
+    grows."""
 
     generations: int = 60
-    cem: CemSettings = field(default_factory=CemSettings)
+    population: int = 64
+    elites: int = 12
+    carried: int = 4
+    smoothing: float = 0.4
+    floor: float = 0.01
     seed: int = 0
     reach: float = 2.0
     stages: int = 8
     last: float = 0.4
     reopen: float = 0.15
+
+    def __post_init__(self) -> None:
+        most = min(self.elites, self.population - 1)
+        limits = {"elites": (2, self.population), "carried": (0, most), "smoothing": (0, 0.999), "floor": (0, 1)}
+        for name, (low, high) in limits.items():
+            if not low <= getattr(self, name) <= high:
+                raise ValueError(f"{name} must lie in {low}..{high}, got {getattr(self, name)}")
+
+
+@dataclass
+class Cem:
+    """State of the search: mean, sd (P,) of the proposal; elite (K, P), the best candidates so far, best first, and
+    their losses."""
+
+    mean: Array
+    sd: Array
+    rng: np.random.Generator
+    elite: Array = field(default_factory=lambda: np.zeros((0, 1)))
+    losses: Array = field(default_factory=lambda: np.zeros(0))
+
+    def advance(self, evaluate: Evaluate, lower: Array, upper: Array, floor: Array, settings: SearchSettings) -> None:
+        """Run one generation: sample, project, evaluate (N, P) -> losses (N,), select, update.
+
+        floor (P,): smallest standard deviations. The carried candidates are evaluated again with the rest, so that the
+        elite's losses always belong to the present horizon.
+        """
+        noise = self.rng.standard_normal((settings.population, len(self.mean)))
+        candidates = np.clip(self.mean + self.sd * noise, lower, upper)
+        candidates[-1] = np.clip(self.mean, lower, upper)
+        carried = self.elite[: settings.carried]
+        candidates[: len(carried)] = carried
+        losses, old = evaluate(candidates), settings.smoothing
+        order = np.argsort(losses, kind="stable")[: settings.elites]
+        self.elite, self.losses = candidates[order], losses[order]
+        self.mean = old * self.mean + (1.0 - old) * self.elite.mean(axis=0)
+        self.sd = np.maximum(floor, old * self.sd + (1.0 - old) * self.elite.std(axis=0))
 
 
 def search(
@@ -146,24 +90,20 @@ def search(
     cancelled: Callable[[], bool] | None = None,
 ) -> Point:
     """Return the best point found; `watch` gets the generation and the least chi-square."""
-    start = problem.start()
+    start, count = problem.start(), len(problem.shared)
+    sizes = [[b.states.count for b in run] for run in problem.runs]
     centre = np.concatenate([start.shared, *(y for run in start.states for y in run)])
     typical = np.concatenate([problem.typical, *(b.states.typical for run in problem.runs for b in run)])
-    lower = np.concatenate([problem.lower, centre[len(start.shared) :] - settings.reach * typical[len(start.shared) :]])
-    upper = np.concatenate([problem.upper, centre[len(start.shared) :] + settings.reach * typical[len(start.shared) :]])
+    lower, upper = (
+        np.concatenate([bound, (centre + way * settings.reach * typical)[count:]])
+        for bound, way in ((problem.lower, -1.0), (problem.upper, 1.0))
+    )
 
     def point(vector: Array) -> Point:
-        own, at = [], len(start.shared)
-        for run in problem.runs:
-            parts = []
-            for block in run:
-                parts.append(vector[at : at + block.states.count])
-                at += block.states.count
-            own.append(tuple(parts))
-        return Point(vector[: len(start.shared)], tuple(own))
+        parts = iter(np.split(vector, np.cumsum([count, *(n for run in sizes for n in run)])[:-1]))
+        return Point(next(parts), tuple(tuple(next(parts) for _ in run) for run in sizes))
 
-    state = CemState.start(np.clip(centre, lower, upper), typical, settings.seed)
-    rng = np.random.default_rng([settings.seed, 1])
+    state = Cem(np.clip(centre, lower, upper), typical.copy(), np.random.default_rng(settings.seed))
     best, least, before = centre, np.inf, 0.0
     for number in range(settings.generations):
         if cancelled is not None and cancelled():
@@ -176,15 +116,15 @@ def search(
             return problem.costs([point(c) for c in candidates], share)
 
         if method == "random_search":
-            candidates = rng.uniform(lower, upper, (settings.cem.population, len(lower)))
+            candidates = state.rng.uniform(lower, upper, (settings.population, len(lower)))
             found = costs(candidates)
             if found.min() < least:
                 best, least = candidates[int(np.argmin(found))], float(found.min())
         else:
             if share != before:
                 state.sd = np.maximum(state.sd, settings.reopen * typical)
-            state = generation(state, costs, lower, upper, settings.cem.floor * typical, settings.cem)
-            best, least = state.elite[0], float(state.elite_losses[0])
+            state.advance(costs, lower, upper, settings.floor * typical, settings)
+            best, least = state.elite[0], float(state.losses[0])
         before = share
         if watch is not None:
             watch(number + 1, least)

@@ -1,31 +1,29 @@
-"""Coordinates of the initial state of a run, with guesses from its first samples.
+"""Coordinates of initial states: of free bodies, bodies on a surface, linkages of joints, deformables.
 
-A free body has its position and velocity, its turn where its orientation was measured, and its spin where that or the
-orientation was measured, or where it is a ball that lies on something and rubs it. Bodies that joints hold to the world
-and to each other have one coordinate and one rate a joint: places and velocities follow.
+A body has its place and velocity; its turn where that was measured, and its spin where that or the turn was measured or
+its path depends on it. On a surface it moves along that, turns about its normal, and rolls. Bodies that joints hold to
+the world and to each other have one coordinate and one rate a joint. How bodies begin is read off a stretch of tracks
+(`stretch_state`) or off a run of a recording (`state_coordinates`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.data.noise import noise_level
+from polyworld.data.initial_states import InitialState, first_value, initial_states, line_or_fall
 from polyworld.data.recording import Run
-from polyworld.estimation.initial_support import (
-    EARLY,
-    is_aloft,
-    is_supported,
-    keeps_height,
-    may_be_supported,
-    rest_place,
-)
+from polyworld.estimation.declared import SKIDS, Rolling, can_roll
+from polyworld.estimation.fit_settings import Gaussian, PriorSettings
 from polyworld.estimation.linkage import is_held, linkages
 from polyworld.estimation.readout import owner
-from polyworld.estimation.unknown import Guess, StateMap, of_paths
-from polyworld.world import World, geometry
+from polyworld.estimation.stretches import Stretch
+from polyworld.estimation.support import Support, rolling_spin, support_in_run, supports
+from polyworld.estimation.unknown import Guess, StateMap, free_axes, joined, of_paths
+from polyworld.world import Effect, World, geometry
 from polyworld.world.materials import material_of
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Sphere
@@ -36,7 +34,71 @@ Array = NDArray[np.float64]
 LENGTH = 0.05  # ordinary change of a position [m], of a velocity [m/s] tenfold
 SPIN = 6.0  # ordinary spin of a body whose spin was not measured [rad/s]
 TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
-ERRORS = 3.0  # standard errors of a sum of squares, beyond which what a line leaves is not noise
+STEEPEST = 0.2  # slip of a rolling start, as a share of its spin
+EARLY = 8  # samples from which a first turn is taken
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """How a body begins. axes: along which its place is a coordinate. turn (3,) [rad]: from its described orientation,
+    None where it was not measured. about: axes about which it may turn; spun: those about which its spin was measured.
+    unseen: axis -> first guess, ordinary change and deviation of a prior about `spin`, where it shows otherwise."""
+
+    position: Array
+    velocity: Array
+    axes: Sequence[int]
+    moves: bool
+    turn: Array | None
+    about: Sequence[int]
+    spin: Array
+    spun: Sequence[int]
+    unseen: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
+
+
+def stretch_state(stretch: Stretch, settings: PriorSettings, rolling: Rolling) -> StateMap:
+    """Return the coordinates of a stretch's initial state, from the one that its world has.
+
+    Never observed: as the world has them.
+    """
+    world, tracks = stretch.world, stretch.tracks
+    seen = initial_states(tracks, seconds_per_frame=world.time.seconds_per_frame, gravity=world.environment.gravity)
+    on = supports(world, tracks)
+    parts: list[StateMap] = []
+    if world.joints:
+        run = Run.of_tracks("run", tracks)
+        parts += linkage_states(world, run.columns([i for i, n in enumerate(run.names) if world.is_rigid(n)]))
+    for item in world.objects:
+        state = seen.get(item.name)
+        if state is not None and stretch.carried:  # a collision may leave a speed that looks like rest
+            state = replace(state, moves=True)
+        if is_held(world, item.name) or (state is None and not stretch.carried):
+            continue
+        symmetry = tracks.symmetry[tracks.index(item.name)] if item.name in tracks.names else 0
+        begins, support = _of_track(world, item, state, symmetry, settings), on.get(item.name)
+        parts.append(_supported(item, begins, support, rolling, settings) if support else _free(item, begins))
+    loose = [d for d in world.deformables if d.name in tracks.observed_names and material_of(d).turns]
+    return joined([*parts, *(deformable_state(world, d.name, free_axes(world)) for d in loose)])
+
+
+def _of_track(
+    world: World, item: RigidObject, state: InitialState | None, symmetry: int, settings: PriorSettings
+) -> Beginning:
+    moves = state is None or state.moves
+    turned = state is not None and state.orientation is not None and symmetry != 0
+    unseen = moves and not turned and state is not None and can_roll(item) and not world.planar
+    sd = settings.surface_speed / float(getattr(item.shape, "radius", 1.0))
+    spin = np.asarray(item.angular_velocity)
+    return Beginning(
+        np.asarray(item.position),
+        np.asarray(item.velocity),
+        ["xyz".index(a) for a in free_axes(world)],
+        moves,
+        np.zeros(3) if turned else None,
+        _about(world),
+        spin,
+        _about(world) if moves and turned else (),
+        {a: (float(spin[a]), 0.2 * sd, sd) for a in range(3)} if unseen else {},
+    )
 
 
 def state_coordinates(world: World, run: Run) -> tuple[StateMap, ...]:
@@ -51,8 +113,158 @@ def state_coordinates(world: World, run: Run) -> tuple[StateMap, ...]:
             seen = np.isfinite(run.positions[:, columns]).sum(axis=(0, 1)) >= 2
             found.append(deformable_state(world, name, "".join(a for a in free_axes(world) if seen["xyz".index(a)])))
         elif not is_held(world, name):
-            found.append(_free(world, world.object(name), run))
+            item = world.object(name)
+            begins, support = _of_run(world, item, run), support_in_run(world, item, run)
+            if support is not None:
+                rolls = support.rolls and item.friction > 0.0 and not any(item.angular_velocity)
+                support = replace(support, rolls=rolls, turns=bool(begins.spun) and isinstance(item.shape, Sphere))
+                found.append(_supported(item, begins, support, "rolls", PriorSettings()))
+            else:
+                found.append(_free(item, begins))
+            found += _of_effects(world, item)
     return tuple(found)
+
+
+def _of_run(world: World, item: RigidObject, run: Run) -> Beginning:
+    column = run.names.index(item.name)
+    times, places = run.times - run.times[0] + run.lead - item.start_time, run.positions[:, column]
+    present = times >= -1e-9
+    gravity = np.zeros(3) if world.planar else np.asarray(world.environment.gravity)
+    position, velocity = np.array(item.position), np.array(item.velocity)
+    axes = [a for a in ("xyz".index(a) for a in free_axes(world)) if np.isfinite(places[present, a]).sum() >= 2]
+    for a in axes:
+        rows = present & np.isfinite(places[:, a])
+        position[a], velocity[a] = line_or_fall(times[rows], places[rows, a], float(gravity[a]))
+    series = run.angular_velocities[:, column]
+    spin = np.array([first_value(run.times, column) for column in series.T])
+    about, turn = _about(world), None
+    spun = [a for a in np.flatnonzero(np.isfinite(spin)).tolist() if not world.planar or a in about]
+    rows = np.flatnonzero(np.isfinite(run.orientations[:, column]).all(axis=-1) & present)[:EARLY]
+    if len(rows) >= 2:
+        early = run.orientations[rows, column]
+        steps = rotation_vector(early[1:], early[:-1]) / np.diff(times[rows])[:, None]
+        spin, spun = np.where(np.isfinite(spin), spin, np.median(steps, axis=0)), about
+        turn = rotation_vector(early[:1], np.asarray(item.orientation)[None])[0]
+    spin = np.where(np.isfinite(spin), spin, item.angular_velocity)
+    unseen: dict[int, tuple[float, float, float]] = {}
+    if turn is None and world.planar and _spin_shows(world, item):  # at rest no slope shows the direction
+        unseen = {a: (float(spin[a]) or 10.0 * TURN, 10.0 * TURN, SPIN) for a in about if a not in spun}
+    elif turn is None and not any(item.angular_velocity) and _is_lifted(world, item):
+        unseen = {a: (0.0, SPIN, np.inf) for a in about if a not in spun}
+    return Beginning(position, velocity, axes, True, turn, about, spin, spun, unseen)
+
+
+def _of_effects(world: World, item: RigidObject) -> list[StateMap]:
+    """Return spins of a body that effects have of their own, since they are no motion that shows otherwise."""
+    own = [e for e in _acting(world, item) if e.kind == "unseen_spin_lift"]
+    rates = [(e, f"rate_{a}") for e in own for a in "xyz"]
+    paths = {f"effects.{e.name}.{rate}": (e.parameters.get(rate, 0.0), 10.0 * TURN) for e, rate in rates}
+    return [of_paths(paths)] if paths else []
+
+
+def _acting(world: World, item: RigidObject) -> list[Effect]:
+    return [e for e in world.effects if e.enabled and item.name in (e.objects or (item.name,))]
+
+
+def _is_lifted(world: World, item: RigidObject) -> bool:
+    """Return whether the path of a body in flight depends on its spin."""
+    return any(e.kind == "magnus_lift" and e.parameters.get("coefficient") for e in _acting(world, item))
+
+
+def _spin_shows(world: World, item: RigidObject) -> bool:
+    """Return whether the path of a body on a motion plane depends on a spin that nobody measured: through friction of
+    its contacts, or through a patch that both slides and spins."""
+    plane = world.environment.motion_plane
+    rubs = plane.supports and plane.friction != 0.0 and item.torsional_radius != 0.0
+    return item.friction > 0.0 and (rubs or len(world.objects) + len(world.statics) > 1)
+
+
+def _free(item: RigidObject, begins: Beginning) -> StateMap:
+    """Return a body's place, its velocity if it moves, its turn where that was measured, and a spin that may matter."""
+    found: dict[str, Guess] = {f"position.{'xyz'[a]}": (float(begins.position[a]), LENGTH) for a in begins.axes}
+    if begins.moves:
+        found |= {f"velocity.{'xyz'[a]}": (float(begins.velocity[a]), 10.0 * LENGTH) for a in begins.axes}
+    if begins.turn is not None:
+        found |= {f"rotation.{'xyz'[a]}": (float(begins.turn[a]), TURN) for a in begins.about}
+    found |= {f"angular_velocity.{'xyz'[a]}": (float(begins.spin[a]), 10.0 * TURN) for a in begins.spun}
+    priors: dict[str, Gaussian] = {}
+    for a, (start, typical, sd) in begins.unseen.items():
+        found[f"angular_velocity.{'xyz'[a]}"] = start, typical
+        priors[f"angular_velocity.{'xyz'[a]}"] = float(begins.spin[a]), sd
+    head = f"objects.{item.name}."
+    return of_paths({head + k: v for k, v in found.items()}, {head + k: v for k, v in priors.items()})
+
+
+def _supported(
+    item: RigidObject, begins: Beginning, support: Support, rolling: Rolling, settings: PriorSettings
+) -> StateMap:
+    """Return a body's place and velocity along its support, heading about the normal, and how much its spin slips."""
+    n, head = support.normal, f"objects.{item.name}."
+    across = [a for a in range(3) if a != int(np.argmax(np.abs(n)))]
+    tangents = np.eye(3)[across] - np.outer(n[across], n)
+    tangents /= np.linalg.norm(tangents, axis=1)[:, None]
+    if abs(float(tangents[0] @ tangents[1])) > 1e-12:
+        tangents[1] = np.cross(n, tangents[0])
+    kept = [k for k, a in enumerate(across) if a in begins.axes]
+    level = [
+        k for k in kept if tangents[k].max() > 1.0 - 1e-12
+    ]  # along a world axis: a coordinate is that of the world
+    names = ["xyz"[across[k]] if k in level else str(k + 1) for k in kept]
+    first = np.array([tangents[k] @ support.position if k in level else 0.0 for k in kept])
+    tangents = tangents[kept]
+    moves, ball = begins.moves, isinstance(item.shape, Sphere)
+    heading = begins.turn is not None and not ball
+    rolls = support.rolls and moves and not support.turns
+    phased = heading and rolls and support.axis is not None  # how far it has rolled shows
+    ratio = 1.0 if rolling == "rolls" else 0.0
+    found: dict[str, Guess] = {f"position.{k}": (float(v), LENGTH) for k, v in zip(names, first, strict=True)}
+    if moves:
+        speeds = np.linalg.lstsq(tangents.T, begins.velocity, rcond=None)[0]
+        found |= {f"velocity.{k}": (float(v), 10.0 * LENGTH) for k, v in zip(names, speeds, strict=True)}
+    found |= {angle: (0.0, TURN) for angle, shown in (("heading", heading), ("phase", phased)) if shown}
+    if heading and moves:
+        found["turning"] = (float(begins.spin @ n), 10.0 * TURN)
+    if ball and begins.turn is not None:
+        found |= {f"rotation.{a}": (float(v), TURN) for a, v in zip("xyz", begins.turn, strict=True)}
+    if support.turns and moves:
+        found |= {f"angular_velocity.{'xyz'[a]}": (float(begins.spin[a]), 10.0 * TURN) for a in begins.spun}
+    if rolls and rolling != "skids":
+        found["roll"] = (ratio, STEEPEST)
+    frame = of_paths(found, {"roll": (ratio, settings.slip)})
+    index, described = {label: i for i, label in enumerate(found)}, np.asarray(item.orientation)
+    beside = begins.velocity - n * (n @ begins.velocity) - tangents.T @ (tangents @ begins.velocity)  # not measured
+
+    def overrides(values: Array, _: Mapping[str, Array]) -> dict[str, Array]:
+        count, along = len(tangents), np.zeros((len(values), 3))
+        place = support.position + (values[:, :count] - first) @ tangents
+        if moves:
+            along = beside + values[:, count : 2 * count] @ tangents
+        spin = np.tile(np.zeros(3) if rolls or heading else begins.spin, (len(values), 1))
+        headings = values[:, index["heading"]] if heading else np.zeros(len(values))
+        if "roll" in index:
+            rolled = np.array([rolling_spin(item, support.headed(h), v) for h, v in zip(headings, along, strict=True)])
+            spin = rolled * values[:, [index["roll"]]]
+        if "turning" in index:
+            spin = spin + values[:, [index["turning"]]] * n
+        paths: dict[str, Array] = {}
+        for k, a in enumerate("xyz"):
+            paths[f"{head}position.{a}"], paths[f"{head}velocity.{a}"] = place[:, k], along[:, k]
+            about = f"angular_velocity.{a}"
+            paths[head + about] = values[:, index[about]] if about in index else spin[:, k]
+            if f"rotation.{a}" in index:
+                paths[f"{head}rotation.{a}"] = values[:, index[f"rotation.{a}"]]
+        if heading:
+            turn = geometry.rotation_quaternion(headings[:, None] * n)
+            if phased:
+                phase = geometry.rotation_quaternion(values[:, [index["phase"]]] * np.asarray(support.axis))
+                turn = geometry.quaternion_product(turn, phase)
+            turn = rotation_vector(geometry.quaternion_product(turn, support.orientation), described)
+            paths |= {f"{head}rotation.{a}": turn[:, k] for k, a in enumerate("xyz")}
+        if rolls and rolling == "skids":
+            paths[f"{head}rolling_resistance"] = np.full(len(values), SKIDS * getattr(item.shape, "radius", 1.0))
+        return paths
+
+    return replace(frame, labels=tuple(f"{item.name}.{label}" for label in found), overrides=overrides)
 
 
 def linkage_states(world: World, run: Run) -> tuple[StateMap, ...]:
@@ -61,152 +273,10 @@ def linkage_states(world: World, run: Run) -> tuple[StateMap, ...]:
     for whole in linkages(world):
         if any(link.item.name in run.names for link in whole.links):
             linkage = whole.of_run(run)
-            start, n = linkage.first_guess(run), len(linkage.labels)
             labels = tuple(f"{linkage.links[0].item.name}.{label}" for label in linkage.labels)
-            typical = np.tile([TURN, 10.0 * TURN], n // 2)
-            found.append(StateMap(labels, start, typical, np.tile([0.0, np.inf], (n, 1)), linkage.overrides))
+            typical, prior = np.tile([TURN, 10.0 * TURN], len(labels) // 2), np.tile([0.0, np.inf], (len(labels), 1))
+            found.append(StateMap(labels, linkage.first_guess(run), typical, prior, linkage.overrides))
     return tuple(found)
-
-
-def _free(world: World, item: RigidObject, run: Run) -> StateMap:
-    column, begin = run.names.index(item.name), item.start_time
-    planar = item.representation == "rigid_planar"
-    normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2]) if planar else np.zeros(3)
-    times = run.times - run.times[0] + run.lead
-    gravity = np.zeros(3) if planar else np.asarray(world.environment.gravity)
-    found: dict[str, Guess] = {}
-    fixed: dict[str, float] = {}
-    widths: dict[str, float] = {}
-    supports: int | None = None
-    for axis, letter in enumerate("xyz"):
-        values = run.positions[:, column, axis]
-        rows = np.flatnonzero(np.isfinite(values) & (times >= begin - 1e-9))
-        if len(rows) < 2 or normal[axis] > 1.0 - 1e-9:
-            continue
-        fall = float(gravity[axis])
-        level = item.velocity[axis] == 0.0 and keeps_height(times[rows] - begin, values[rows], fall)
-        supported = level and may_be_supported(world, item, run)
-        supports = axis if supported else supports
-        known = rest_place(world, item, run, axis) if supported else None
-        if known is not None and not is_aloft(times[rows], values[rows], known):
-            fixed[f"position.{letter}"] = known
-            continue
-        if supported and known is None:
-            found[f"position.{letter}"] = float(np.mean(values[rows][:EARLY])), LENGTH
-            continue
-        place, speed = _line(times[rows] - begin, values[rows], fall)
-        found |= {f"position.{letter}": (place, LENGTH), f"velocity.{letter}": (speed, 10.0 * LENGTH)}
-    turned, spin = run.orientations[:, column], initial_spin(run, column)
-    rows = np.flatnonzero(np.all(np.isfinite(turned), axis=-1) & (times >= begin - 1e-9))
-    if len(rows) >= 2:
-        early = turned[rows[:EARLY]]
-        steps = rotation_vector(early[1:], early[:-1]) / np.diff(times[rows[:EARLY]])[:, None]
-        spin = np.where(np.isfinite(spin), spin, np.median(steps, axis=0))
-        turn = rotation_vector(early[:1], np.asarray(item.orientation)[None])[0]
-        for axis, letter in enumerate("xyz"):
-            if not planar or normal[axis] > 1.0 - 1e-9:
-                found[f"rotation.{letter}"] = float(turn[axis]), TURN
-                found[f"angular_velocity.{letter}"] = float(spin[axis]), 10.0 * TURN
-    else:
-        for axis in _measured_axes(run, column, normal):
-            found[f"angular_velocity.{'xyz'[axis]}"] = float(np.nan_to_num(spin[axis])), 10.0 * TURN
-    if supports is not None and isinstance(item.shape, Sphere) and item.friction and not _known_spin(item, found):
-        found |= _rolling(item.shape.radius, found, supports, float(gravity[supports]))
-    if len(rows) < 2 and planar and _spin_shows(world, item):
-        axis = int(np.argmax(normal))
-        label = f"angular_velocity.{'xyz'[axis]}"
-        if label not in found:  # at rest no slope shows the direction
-            found[label] = item.angular_velocity[axis] or 10.0 * TURN, 10.0 * TURN
-            widths[label] = SPIN
-    elif len(rows) < 2 and not any(item.angular_velocity) and _is_lifted(world, item):
-        axes = [int(np.argmax(normal))] if planar else [0, 1, 2]
-        found = {f"angular_velocity.{'xyz'[axis]}": (0.0, SPIN) for axis in axes} | found
-    head = f"objects.{item.name}."
-    paths = {head + label: guess for label, guess in found.items()}
-    for effect in world.effects:
-        if effect.kind == "unseen_spin_lift" and effect.enabled and item.name in (effect.objects or (item.name,)):
-            rates = [f"rate_{letter}" for letter in "xyz"]
-            own = {f"effects.{effect.name}.{r}": (effect.parameters.get(r, 0.0), 10.0 * TURN) for r in rates}
-            paths |= own
-    return of_paths(paths, {head + k: (0.0, v) for k, v in widths.items()}, {head + k: v for k, v in fixed.items()})
-
-
-def _known_spin(item: RigidObject, found: Mapping[str, Guess]) -> bool:
-    """Return whether the spin of a body was measured or described."""
-    return any(label.startswith("angular_velocity") for label in found) or any(item.angular_velocity)
-
-
-def _rolling(radius: float, found: Mapping[str, Guess], axis: int, gravity: float) -> dict[str, Guess]:
-    """Return the spin [rad/s] by label with which a ball that lies on something rolls as fast as it moves, as most do.
-
-    axis: of gravity [m/s^2]. Components of motions that were not measured are left out.
-    """
-    up = np.zeros(3)
-    up[axis] = -np.sign(gravity)
-    rolling: dict[str, Guess] = {}
-    for other in range(3):
-        label = f"velocity.{'xyz'[other]}"
-        if other != axis and label in found:
-            about = 3 - axis - other
-            rate = float(np.cross(up, found[label][0] * np.eye(3)[other])[about] / radius)
-            rolling[f"angular_velocity.{'xyz'[about]}"] = rate, max(SPIN, abs(rate))
-    return dict(sorted(rolling.items()))
-
-
-def _measured_axes(run: Run, column: int, normal: Array) -> list[int]:
-    """Return axes along which the spin of an object was measured and may differ from zero; normal (3,): of its motion
-    plane, zero for bodies that move in space."""
-    axes = np.flatnonzero(np.isfinite(run.angular_velocities[:, column]).any(axis=0)).tolist()
-    return [a for a in axes if not normal.any() or a == int(np.argmax(normal))]
-
-
-def _is_lifted(world: World, item: RigidObject) -> bool:
-    """Return whether the path of a body in flight depends on its spin."""
-    return any(
-        e.kind == "magnus_lift"
-        and e.enabled
-        and e.parameters.get("coefficient")
-        and item.name in (e.objects or (item.name,))
-        for e in world.effects
-    )
-
-
-def _spin_shows(world: World, item: RigidObject) -> bool:
-    """Return whether the path of a body on a motion plane depends on a spin that nobody measured: through friction of
-    its contacts, or through a patch that both slides and spins."""
-    plane = world.environment.motion_plane
-    meets = item.friction > 0.0 and len(world.objects) + len(world.statics) > 1
-    rubs = plane.supports and item.friction > 0.0 and plane.friction != 0.0
-    return meets or (rubs and item.torsional_radius != 0.0)
-
-
-def initial_spin(run: Run, column: int) -> Array:
-    """Return the first angular velocity (3,) [rad/s] of an object, world axes; NaN for components never measured.
-
-    It is read off the straight line that describes as many of the first samples as it can within their noise: noise
-    averages out, and where the spin decays or an impact changes it, the line ends.
-    """
-    spin = np.full(3, np.nan)
-    for axis, course in enumerate(run.angular_velocities[:, column].T):
-        seen = np.isfinite(course)
-        if seen.any():
-            spin[axis] = _first_value(run.times[seen] - run.times[seen][0], course[seen])
-    return spin
-
-
-def _first_value(times: Array, values: Array) -> float:
-    first, count, noise = float(values[0]), EARLY, float(np.nan_to_num(noise_level(times, values)))
-    while count <= len(values):
-        line = np.polyfit(times[:count], values[:count], 1)
-        rest = values[:count] - np.polyval(line, times[:count])
-        free = count - 2
-        if float(rest @ rest) > noise**2 * (free + ERRORS * np.sqrt(2.0 * free)):
-            break
-        first = float(line[1])
-        if count == len(values):
-            break
-        count = min(2 * count, len(values))
-    return first
 
 
 def deformable_state(world: World, name: str, axes: str) -> StateMap:
@@ -223,17 +293,7 @@ def deformable_state(world: World, name: str, axes: str) -> StateMap:
     return of_paths(found | {f"objects.{name}.velocity.{a}": (velocity["xyz".index(a)], 10.0 * LENGTH) for a in axes})
 
 
-def free_axes(world: World) -> str:
-    """World axes along which objects move: an oblique motion plane needs all three to be varied."""
+def _about(world: World) -> list[int]:
+    """World axes about which objects turn."""
     normal = geometry.plane_axes(world.environment.motion_plane)[2]
-    return "".join(a for i, a in enumerate("xyz") if not (world.planar and abs(normal[i]) > 1.0 - 1e-9))
-
-
-def _line(times: Array, values: Array, acceleration: float) -> tuple[float, float]:
-    """Return value and slope at time 0 of the first samples (m,): with the curvature of a free fall, or with none where
-    they say that the body is supported."""
-    if acceleration and is_supported(times, values, acceleration):
-        acceleration = 0.0
-    times, values = times[:EARLY], values[:EARLY] - 0.5 * acceleration * times[:EARLY] ** 2
-    slope, place = np.polyfit(times, values, 1)
-    return float(place), float(slope)
+    return [int(np.argmax(np.abs(normal)))] if world.planar else [0, 1, 2]

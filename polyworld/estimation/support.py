@@ -11,14 +11,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.data.initial_states import InitialState, initial_states
+from polyworld.data.initial_states import initial_states
+from polyworld.data.noise import noise_levels
+from polyworld.data.recording import Run
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.fit_settings import SupportSettings
+from polyworld.probing.closest_approach import gap_to_statics
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Box, Capsule, Cylinder, Plane, Sphere
 
 Array = NDArray[np.float64]
+
+SETTINGS = SupportSettings()
+FIRST = 8  # samples from which a first place is taken
+LEVEL = (32, 64)  # least and greatest number of samples of a run that must be level
+RESTLESS = 2.0  # times its noise by which a level height may scatter
+CLOSE = 0.2  # radii of the ball around it, beyond its noise, within which a body may touch what supports it
+EXACT = 1e-9  # [m] noise of computed places
 
 
 @dataclass(frozen=True)
@@ -48,14 +58,25 @@ class Support:
         return replace(self, axis=turn @ self.axis)
 
 
-def supports(world: World, tracks: ObservedTracks, settings: SupportSettings | None = None) -> dict[str, Support]:
+@dataclass(frozen=True)
+class _Course:
+    """The first places (m, 3) [m] of a body at times (m,) [s], with their noise [m]; where (3,) and how it begins."""
+
+    item: RigidObject
+    times: Array
+    places: Array
+    noise: float
+    place: Array
+    orientation: Array
+
+
+def supports(world: World, tracks: ObservedTracks) -> dict[str, Support]:
     """Support of every tracked body of a spatial world that keeps its height over a fixed surface as its track begins.
 
     Surfaces are planes and the faces of boxes that look upward. Bodies that a joint holds are left out.
     """
     if world.planar or world.deformables:
         return {}
-    settings = settings or SupportSettings()
     held = {name for joint in world.joints for name in (joint.object, joint.other)}
     frame, gravity = world.time.seconds_per_frame, world.environment.gravity
     states = initial_states(tracks, seconds_per_frame=frame, gravity=gravity)
@@ -66,27 +87,85 @@ def supports(world: World, tracks: ObservedTracks, settings: SupportSettings | N
             continue
         column = tracks.index(item.name)
         rows = np.flatnonzero(tracks.confidence[:, column] > 0.0)
-        rows = rows[tracks.moments[rows] <= max(state.free_until, state.frame + 2)][: settings.steady]
-        points = tracks.positions[rows, column]
-        times = tracks.moments[rows] * world.time.seconds_per_frame
+        rows = rows[tracks.moments[rows] <= max(state.free_until, state.frame + 2)][: SETTINGS.steady]
         noise = float(max(state.noise, np.median(tracks.coordinate_sigma[rows, column])))
-        faces = [face for face in _faces(world.statics, state.position) if face[2][2] >= settings.upward]
-        own = [_on(item, state, points, times, noise, *face, settings) for face in faces]
-        best = [s for s in own if s is not None]
-        if best:
-            nearest = min(best, key=lambda s: float(np.linalg.norm(s.position - state.position)))
+        seen = np.asarray(item.orientation if state.orientation is None else state.orientation)
+        own = _Course(item, tracks.moments[rows] * frame, tracks.positions[rows, column], noise, state.position, seen)
+        support = _nearest(own, _faces(world.statics, state.position))
+        if support is not None:
             turns = isinstance(item.shape, Sphere) and state.orientation is not None and tracks.symmetry[column] != 0
-            found[item.name] = replace(nearest, turns=turns)
+            found[item.name] = replace(support, turns=turns)
     return found
 
 
-def with_supports(world: World, tracks: ObservedTracks, settings: SupportSettings | None = None) -> World:
+def support_in_run(world: World, item: RigidObject, run: Run) -> Support | None:
+    """Return the support of a body that keeps its height as a run begins: a face, or whatever is near below it.
+
+    All of its first samples must be level: on few of them noise alone can look so, and a speed left out would ruin the
+    run. Along axes that were not measured it is where the world has it.
+    """
+    gravity = np.asarray(world.environment.gravity, dtype=float)
+    course, size = _first_course(item, run), float(np.linalg.norm(gravity))
+    if course is None or world.planar or not size or abs(float(gravity @ np.asarray(item.velocity))) > 0.0:
+        return None
+    measured = np.asarray(np.isfinite(run.positions[:, run.names.index(item.name)]).any(axis=0))
+    if len(course.times) < LEVEL[0] or np.any((gravity != 0.0) & ~measured):
+        return None
+    support = _nearest(course, _faces(world.statics, course.place))
+    if support is None and _near_something(world, course, run):
+        up = -gravity / size
+        lain = _lain(item, course.orientation, up)
+        if lain is not None:
+            support = _on(course, "", course.places.mean(axis=0) - lain[1] * up, up)
+    return support
+
+
+def _first_course(item: RigidObject, run: Run) -> _Course | None:
+    column = run.names.index(item.name)
+    times, places = run.times - run.times[0] + run.lead, run.positions[:, column]
+    measured = np.isfinite(places).any(axis=0)
+    rows = np.flatnonzero(np.isfinite(places[:, measured]).all(axis=1) & (times >= item.start_time - 1e-9))
+    if not measured.any() or not len(rows):
+        return None
+    places = np.where(measured, places, item.position)[rows[: LEVEL[1]]]
+    noise = float(np.nan_to_num(noise_levels(run.times, run.positions[:, column])).max())
+    turned = run.orientations[rows, column]
+    turned = turned[np.isfinite(turned).all(axis=1)]
+    orientation = turned[0] if len(turned) else np.asarray(item.orientation)
+    return _Course(item, times[rows[: LEVEL[1]]], places, noise, places[:FIRST].mean(axis=0), orientation)
+
+
+def _near_something(world: World, course: _Course, run: Run) -> bool:
+    """Return whether a body begins so near to another, or to a fixed one without faces, that this may support it.
+
+    Of other bodies only the balls around them are looked at, and deformable ones may be anywhere.
+    """
+    reach = geometry.circumscribed_radius(course.item.shape)
+    close = course.noise + CLOSE * reach
+    for other in (o for o in world.objects if o.name != course.item.name):
+        seen = _first_course(other, run) if other.name in run.names else None
+        apart = course.place - (np.asarray(other.position) if seen is None else seen.place)
+        if np.linalg.norm(apart) <= reach + geometry.circumscribed_radius(other.shape) + close:
+            return True
+    without = tuple(s for s in world.statics if not isinstance(s.shape, Plane | Box))
+    bare = world.model_copy(update={"statics": without})
+    near = gap_to_statics(bare, course.item.shape, course.place, course.orientation) <= close
+    return near or bool(world.deformables)
+
+
+def _nearest(course: _Course, faces: list[tuple[str, Array, Array]]) -> Support | None:
+    """Return the support by the face that is nearest to where a body begins."""
+    own = [_on(course, *face) for face in faces if face[2][2] >= SETTINGS.upward]
+    return min((s for s in own if s), key=lambda s: float(np.linalg.norm(s.position - course.place)), default=None)
+
+
+def with_supports(world: World, tracks: ObservedTracks) -> World:
     """Return the world with supported bodies in contact with what supports them, without velocity along its normal.
 
     Bodies that lie on a face turn about the normal alone; balls, and cylinders on their side, begin to roll without
     slip, as what has moved on a floor for a while does.
     """
-    found = supports(world, tracks, settings)
+    found = supports(world, tracks)
     objects = []
     for item in world.objects:
         support = found.get(item.name)
@@ -118,11 +197,10 @@ def _faces(statics: tuple[StaticObject, ...], place: Array) -> list[tuple[str, A
     """Name, a point and the normal of planes, and of the topmost faces of boxes that lie under a place."""
     found: list[tuple[str, Array, Array]] = []
     for static in statics:
-        turn = geometry.quaternion_matrix(np.asarray(static.orientation))
-        centre = np.asarray(static.position)
+        turn, centre = geometry.quaternion_matrix(np.asarray(static.orientation)), np.asarray(static.position)
         if isinstance(static.shape, Plane):
-            normal = np.asarray(static.shape.normal) / np.linalg.norm(static.shape.normal)
-            found.append((static.name, centre + turn @ normal * static.shape.offset, turn @ normal))
+            normal = turn @ np.asarray(static.shape.normal) / np.linalg.norm(static.shape.normal)
+            found.append((static.name, centre + normal * static.shape.offset, normal))
         elif isinstance(static.shape, Box):
             half = np.asarray(static.shape.half_extents)
             local = turn.T @ (place - centre)
@@ -134,39 +212,29 @@ def _faces(statics: tuple[StaticObject, ...], place: Array) -> list[tuple[str, A
     return found
 
 
-def _on(
-    item: RigidObject,
-    state: InitialState,
-    points: Array,
-    times: Array,
-    noise: float,
-    static: str,
-    at: Array,
-    normal: Array,
-    settings: SupportSettings,
-) -> Support | None:
-    """Return a body's support by one face, None where it is off it, leaves it or stands on an edge."""
-    seen = np.asarray(item.orientation if state.orientation is None else state.orientation)
-    lain = _lain(item, seen, normal, settings.flat)
+def _on(course: _Course, static: str, at: Array, normal: Array) -> Support | None:
+    """Return a body's support by one face, None where it is off it, leaves it, hops or stands on an edge."""
+    lain = _lain(course.item, course.orientation, normal)
     if lain is None:
         return None
     orientation, reach, axis, rolls = lain
-    heights = (points - at) @ normal - reach
+    heights, noise = (course.places - at) @ normal - reach, max(course.noise, EXACT)
     count = len(heights)
-    if abs(float(heights.mean())) > settings.close * reach + settings.sigmas * noise / np.sqrt(count):
+    if abs(float(heights.mean())) > SETTINGS.close * reach + SETTINGS.sigmas * noise / np.sqrt(count):
         return None
     if count >= 3:
-        spread = times - times.mean()
+        spread = course.times - course.times.mean()
         slope = float(spread @ heights) / float(spread @ spread)
-        if abs(slope) > settings.sigmas * noise / float(np.sqrt(spread @ spread)):
+        left = float(np.std(heights - slope * spread))
+        noise = max(noise, left) if count >= LEVEL[0] else noise
+        hops = count >= LEVEL[0] and left > RESTLESS * max(course.noise, EXACT)
+        if hops or abs(slope) > SETTINGS.sigmas * noise / float(np.sqrt(spread @ spread)):
             return None
-    position = state.position - normal * ((state.position - at) @ normal - reach)
+    position = course.place - normal * ((course.place - at) @ normal - reach)
     return Support(static, normal, position, orientation, axis, rolls, reach)
 
 
-def _lain(
-    item: RigidObject, orientation: Array, normal: Array, flat: float
-) -> tuple[Array, float, Array | None, bool] | None:
+def _lain(item: RigidObject, orientation: Array, normal: Array) -> tuple[Array, float, Array | None, bool] | None:
     """Return how a body lies on a face: its orientation turned flat, the height of its centre, the axis about which it
     rolls.
 
@@ -179,28 +247,28 @@ def _lain(
     if isinstance(shape, Box):
         axis = int(np.argmax(np.abs(turn.T @ normal)))
         goal = normal * np.sign(turn[:, axis] @ normal)
-        turned = _turned_to(orientation, turn[:, axis], goal, flat)
+        turned = _turned_to(orientation, turn[:, axis], goal)
         return None if turned is None else (turned, shape.half_extents[axis], None, False)
     if isinstance(shape, Cylinder | Capsule):
         axis_now = turn[:, 2]
         upright = abs(float(axis_now @ normal))
-        if upright > flat and isinstance(shape, Cylinder):
-            turned = _turned_to(orientation, axis_now, normal * np.sign(axis_now @ normal), flat)
+        if upright > SETTINGS.flat and isinstance(shape, Cylinder):
+            turned = _turned_to(orientation, axis_now, normal * np.sign(axis_now @ normal))
             return None if turned is None else (turned, shape.half_height, None, False)
         level = axis_now - normal * (axis_now @ normal)
-        if np.linalg.norm(level) < flat:
+        if np.linalg.norm(level) < SETTINGS.flat:
             return None
         level = level / np.linalg.norm(level)
-        turned = _turned_to(orientation, axis_now, level, flat)
+        turned = _turned_to(orientation, axis_now, level)
         return None if turned is None else (turned, shape.radius, level, True)
     return None
 
 
-def _turned_to(orientation: Array, direction: Array, goal: Array, flat: float) -> Array | None:
-    """Return an orientation turned the short way so that a world direction comes to lie along another; None if its
-    cosine is below `flat`."""
+def _turned_to(orientation: Array, direction: Array, goal: Array) -> Array | None:
+    """Return an orientation turned the short way so that a world direction comes to lie along another; None if it is
+    not nearly there."""
     cosine = float(direction @ goal)
-    if cosine < flat:
+    if cosine < SETTINGS.flat:
         return None
     axis = np.cross(direction, goal)
     size = float(np.linalg.norm(axis))

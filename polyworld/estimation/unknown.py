@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.world import World, geometry
+
 Array = NDArray[np.float64]
 
 
@@ -100,3 +102,9 @@ def joined(parts: Sequence[StateMap]) -> StateMap:
         np.concatenate([np.zeros((0, 2)), *(p.prior for p in parts)]),
         overrides,
     )
+
+
+def free_axes(world: World) -> str:
+    """World axes along which objects move: an oblique motion plane needs all three to be varied."""
+    normal = geometry.plane_axes(world.environment.motion_plane)[2]
+    return "".join(a for i, a in enumerate("xyz") if not (world.planar and abs(normal[i]) > 1.0 - 1e-9))

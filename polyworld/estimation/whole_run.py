@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from polyworld.estimation.fit_settings import FitSettings
 from polyworld.estimation.least_squares import Point, Problem
 from polyworld.estimation.problem import Block, Readout
-from polyworld.estimation.states import free_axes
-from polyworld.estimation.unknown import Unknown
+from polyworld.estimation.unknown import Unknown, free_axes
 from polyworld.solver.rollout import simulator
 from polyworld.world import Effect, World, geometry
 from polyworld.world.parameters import object_mass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -166,29 +167,19 @@ def _speeds(run: Run) -> Array:
 
 
 def _spin(world: World, recording: Recording) -> float:
-    given = [float(np.linalg.norm(o.angular_velocity)) for o in world.objects]
-    found = [g for g in given if g > 0.0]
-    rigid = {o.name for o in world.objects}
-    for run in recording.runs:
-        for column, name in enumerate(run.names):
-            if name not in rigid:
-                continue
-            measured = run.angular_velocities[:, column]
-            spun = np.isfinite(measured).any(axis=-1)
-            if spun.any():
-                found.append(float(np.median(np.sqrt(np.nansum(measured[spun] ** 2, axis=-1)))))
-                continue
-            q = run.orientations[:, column]
-            rows = np.flatnonzero(np.all(np.isfinite(q), axis=-1))
-            if len(rows) < 2:
-                continue
+    """Return a typical spin [rad/s]: as described, as measured, or as orientations turn from sample to sample."""
+    found = [float(np.linalg.norm(o.angular_velocity)) for o in world.objects if any(o.angular_velocity)]
+    for track in tracks(world, recording):
+        run = recording.runs[track.run]
+        column = run.names.index(track.name)
+        spins, q = run.angular_velocities[:, column], run.orientations[:, column]
+        spun, rows = np.isfinite(spins).any(axis=-1), np.flatnonzero(np.isfinite(q).all(axis=-1))
+        if spun.any():
+            found.append(float(np.median(np.linalg.norm(np.nan_to_num(spins[spun]), axis=-1))))
+        elif len(rows) >= 2:
             cosine = np.abs(np.einsum("tk,tk->t", q[rows[1:]], q[rows[:-1]]))
             rate = 2.0 * np.arccos(np.clip(cosine, 0.0, 1.0)) / np.diff(run.times[rows])
             found.append(float(np.median(rate)))
-        measured = run.angular_velocities[:, [c for c, name in enumerate(run.names) if name in rigid]]
-        measured = measured[np.isfinite(measured).any(axis=-1)]
-        if len(measured):
-            found.append(float(np.median(np.linalg.norm(np.nan_to_num(measured), axis=-1))))
     return float(np.median(found)) if found else 0.0
 
 
@@ -236,27 +227,22 @@ def _longest_step(track: Track) -> float:
 
 def _lasts(track: Track, near: NDArray[np.bool_]) -> bool:
     """Return whether a contact, near (T,), lasts too long for a bounce."""
-    run, longest = 0, 0
-    for flag in near:
-        run = run + 1 if flag else 0
-        longest = max(longest, run)
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], near, [0]]).astype(int)))
+    longest = int((ends[1::2] - ends[::2]).max(initial=0))
     return longest * float(np.median(np.diff(track.times))) >= SLIDING
 
 
 def _meetings(world: World, recording: Recording) -> tuple[tuple[str, str], ...]:
+    """Return pairs of rigid bodies that come within reach of each other and no joint holds together."""
     joined = {frozenset((j.object, j.other)) for j in world.joints if j.kind != "spring"}
-    rigid = [o.name for o in world.objects]
+    reaches = {o.name: reach(world, o) for o in world.objects}
     found: dict[tuple[str, str], None] = {}
     for run in recording.runs:
-        columns = {n: c for c, n in enumerate(run.names) if n in rigid}
-        for i, a in enumerate(columns):
-            for b in list(columns)[i + 1 :]:
-                if frozenset((a, b)) in joined or (a, b) in found:
-                    continue
-                distance = np.linalg.norm(run.positions[:, columns[a]] - run.positions[:, columns[b]], axis=1)
-                step = np.abs(np.diff(distance))
-                slack = float(np.nanmax(step)) if np.isfinite(step).any() else 0.0
-                limit = (1.0 + NEAR) * (reach(world, world.object(a)) + reach(world, world.object(b))) + slack
-                if np.any(distance <= limit):
-                    found[(a, b)] = None
+        for a, b in itertools.combinations([n for n in run.names if n in reaches], 2):
+            if frozenset((a, b)) in joined or (a, b) in found:
+                continue
+            apart = np.linalg.norm(run.positions[:, run.names.index(a)] - run.positions[:, run.names.index(b)], axis=1)
+            slack = float(np.nan_to_num(np.abs(np.diff(apart))).max(initial=0.0))
+            if np.any(apart <= (1.0 + NEAR) * (reaches[a] + reaches[b]) + slack):
+                found[(a, b)] = None
     return tuple(found)

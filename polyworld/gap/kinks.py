@@ -88,8 +88,8 @@ def _kinks_of(world: World, track: Track, others: Sequence[Track], speed: float)
         sides = np.full((2, count), np.inf)
         sides[0, window:], sides[1, :-window] = size[:-window], size[window:]
         size = size - sides.min(axis=0)
-    span = sliding_span(track.times, window, step)
-    size[~span[:count]] = 0.0
+    taken, whole = track.times[2 * window - 1 :] - track.times[:count], (2 * window - 1) * step
+    size[np.abs(taken - whole) >= 0.5 * step] = 0.0  # samples that are not evenly spaced
     noise = _jump_noise(track.noise, window, step)
     limit = max(SURE * noise, JUMP * speed)
     explained = touching(world, track, margin=speed * step) | _near_others(world, track, others, speed * step)
@@ -108,14 +108,6 @@ def _kinks_of(world: World, track: Track, others: Sequence[Track], speed: float)
         time = float(track.times[middle] - step / 2)
         found.append(Kink(track.run, track.name, time, place, before[k], after[k], noise))
     return found
-
-
-def sliding_span(times: Array, window: int, step: float) -> NDArray[np.bool_]:
-    """Return whether the 2 * window samples from each one on are evenly spaced."""
-    count = len(times) - 2 * window + 1
-    taken = times[2 * window - 1 :] - times[:count]
-    even: NDArray[np.bool_] = np.abs(taken - (2 * window - 1) * step) < 0.5 * step
-    return even
 
 
 def _jump_noise(noise: float, window: int, step: float) -> float:

@@ -14,7 +14,7 @@ from polyworld.estimation.readout import CHANNELS
 from polyworld.gap.experiment import Experiment
 from polyworld.gap.fitting import Fitted
 from polyworld.gap.residual_force import ResidualForce
-from polyworld.gap.sealed import SealedGap
+from polyworld.gap.sealed import SealedGap, left_in_units
 from polyworld.gap.set_aside import Aside
 from polyworld.gap.verdict import Verdict, intervals
 from polyworld.world import World
@@ -60,6 +60,7 @@ class GapReport:
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready values; numbers that are not finite become None."""
         v = self.verdict
+        _, floor, unit = left_in_units(v.best)
         payload = {
             "verdict": v.kind,
             "reasons": list(v.reasons),
@@ -69,7 +70,7 @@ class GapReport:
             "frequencies": v.frequencies,
             "stable": v.stable,
             "error": {"before": v.before, "after": v.after, "unit": "standard deviations of the noise"},
-            "noise": _noise(v.best),
+            "noise": {"position": floor, "unit": unit},
             "independent_share": v.share,
             "plain_laws": [_listed(f) for f in plain_laws(self.pool)],
             "hypotheses": [_listed(f) for f in self.pool[:LISTED]],
@@ -128,19 +129,6 @@ def _listed(fitted: Fitted) -> dict[str, Any]:
         "score": fitted.total,
         "error": fitted.error,
     }
-
-
-def _noise(fitted: Fitted) -> dict[str, Any]:
-    ground = fitted.ground
-    angles = all(np.isfinite(run.arms).all() for run in ground.recording.runs)
-    levels = [
-        np.sqrt((n.position**2 * np.isfinite(r.positions).any(axis=0)).sum(axis=1)) / r.arms
-        if angles  # which move two coordinates
-        else n.position[np.isfinite(r.positions).any(axis=0)]
-        for r, n in zip(ground.recording.runs, ground.noise, strict=True)
-    ]
-    every = np.concatenate([np.atleast_1d(x) for x in levels]) if levels else np.zeros(0)
-    return {"position": float(np.median(every)) if len(every) else None, "unit": "rad" if angles else "m"}
 
 
 @dataclass(frozen=True)

@@ -59,37 +59,31 @@ def hold_out(
     when on the only run is held out instead. Raises KeyError for unknown runs, ValueError where nothing would be left
     to fit.
     """
-    settings = settings or GapSettings()
-    if runs is not None and not runs:
-        return Split(recording, None, "nothing sealed, as asked")
-    if runs is not None:
-        return _of_runs(recording, tuple(runs), "as asked")
-    if len(recording.runs) == 1:
+    settings, why = settings or GapSettings(), "as asked"
+    if runs is None and len(recording.runs) == 1:
         return _of_time(recording.runs[0], begin, settings)
-    chosen = _spare(recording, settings)
-    if chosen:
-        return _of_runs(recording, chosen, "the last of those whose objects other runs show too")
-    return Split(recording, None, f"nothing sealed: {len(recording.runs)} runs, of which none can be spared")
-
-
-def _of_runs(recording: Recording, names: tuple[str, ...], why: str) -> Split:
-    held_out = recording.select(names)
-    left = tuple(r for r in recording.runs if r.name not in names)
+    if runs is None:
+        runs, why = _spare(recording, settings), "the last of those whose objects other runs show too"
+    elif not runs:
+        return Split(recording, None, "nothing sealed, as asked")
+    if not runs:
+        return Split(recording, None, f"nothing sealed: {len(recording.runs)} runs, of which none can be spared")
+    held_out = recording.select(tuple(runs))
+    left = tuple(r for r in recording.runs if r.name not in runs)
     if not left:
         raise ValueError("all runs would be sealed: leave at least one to fit")
-    return Split(Recording(left), held_out, f"sealed runs {list(names)}, {why}")
+    return Split(Recording(left), held_out, f"sealed runs {list(runs)}, {why}")
 
 
-def _spare(recording: Recording, settings: GapSettings) -> tuple[str, ...]:
-    left = list(recording.runs)
-    chosen: list[str] = []
+def _spare(recording: Recording, settings: GapSettings) -> list[str]:
+    """Return the last runs whose objects others show too, as many as may be sealed."""
+    left, chosen = list(recording.runs), list[str]()
     most = max(1, round(settings.sealed_share * len(left))) if len(left) >= settings.sealed_runs else 0
     for run in reversed(recording.runs):
-        others = {n for r in left if r is not run for n in r.names}
-        if len(chosen) < most and set(run.names) <= others:
+        if len(chosen) < most and set(run.names) <= {n for r in left if r is not run for n in r.names}:
             left.remove(run)
-            chosen.append(run.name)
-    return tuple(reversed(chosen))
+            chosen.insert(0, run.name)
+    return chosen
 
 
 def _of_time(run: Run, begin: float | None, settings: GapSettings) -> Split:

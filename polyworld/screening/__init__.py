@@ -1,6 +1,6 @@
 """Check a recording before anything is fitted to it: units, axes, time base, sampling, noise, distinct courses.
 
-Read `checks` first; then tracks, free_fall, time_stamps, samples, clearance, grid, courses.
+Read `checks` first; then tracks (grid), statics, free_fall, time_stamps, samples, courses.
 """
 
 from polyworld.screening.checks import Screening, screen

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from polyworld.data.recording import Recording
-from polyworld.screening.clearance import penetration_findings
-from polyworld.screening.courses import course_findings, courses
+from polyworld.screening.courses import courses, one_course
 from polyworld.screening.finding import Finding
-from polyworld.screening.free_fall import common_fall, fall_findings
-from polyworld.screening.grid import at_rest, constant_findings, grid_findings, grid_steps
+from polyworld.screening.free_fall import fall_findings
+from polyworld.screening.grid import constant, quantised
 from polyworld.screening.samples import sample_findings
 from polyworld.screening.settings import DEFAULT, ScreenSettings
-from polyworld.screening.time_stamps import counts_frames, repeat_findings, time_findings
-from polyworld.screening.tracks import tracks_of, with_noise
+from polyworld.screening.statics import penetrating
+from polyworld.screening.time_stamps import repeated, time_findings
+from polyworld.screening.tracks import subject
 from polyworld.world import World
 
 
@@ -46,27 +46,18 @@ def screen(world: World, recording: Recording, settings: ScreenSettings = DEFAUL
     single_run, noisy, coarse_sampling, one_course, quantised, repeated_rows, constant, at_rest, penetration. Only
     positions are checked; markers of deformable objects as far as that needs no shape.
     """
-    runs = tuple(r.name for r in recording.runs)
-    raw = tracks_of(recording)
-    if not raw:
-        return Screening((), tuple(range(len(runs))))
-    tracks = with_noise(raw, recording, grid_steps(raw, settings))
-    fall = common_fall(world, tracks, settings)
-    found = fall_findings(world, tracks, fall, settings) if fall is not None else []
-    scaled = not found and not counts_frames(tracks, settings)
-    if not found:
-        found += time_findings(tracks, settings)
-    found += sample_findings(world, recording, tracks, settings, scaled=scaled)
+    data = subject(world, recording, settings)
+    if not data.tracks:
+        return Screening((), tuple(range(len(recording.runs))))
+    found = [*fall_findings(data)]
+    scaled = not found and not data.counts_frames
+    found = (found or time_findings(data)) + sample_findings(data, scaled=scaled)
     if scaled and world.observer is None:
-        found += penetration_findings(world, tracks, settings)
-    found += [
-        *repeat_findings(tracks, settings),
-        *grid_findings(tracks, settings),
-        *constant_findings(tracks, settings),
-    ]
-    if not found and not any(t.moves(settings.moved) for t in tracks):
-        found.append(at_rest())
-    course_of = courses(runs, tracks, settings)
-    found += course_findings(runs, course_of)
-    found.sort(key=lambda f: f.severity != "refuse")
-    return Screening(tuple(found), course_of)
+        found += penetrating(data)
+    found += [*repeated(data), *quantised(data), *constant(data)]
+    if not found and not any(t.moves(settings.moved) for t in data.tracks):
+        still = "No object moves by more than the noise of its track in any run, so that there is no motion to explain"
+        found.append(Finding("at_rest", f"{still}: check the tracks, or add runs with motion."))
+    course_of = courses(data)
+    found += one_course(course_of)
+    return Screening(tuple(sorted(found, key=lambda f: f.severity != "refuse")), course_of)

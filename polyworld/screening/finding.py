@@ -16,13 +16,13 @@ MILLIMETRES = 0.1  # [m] below which lengths are written in millimetres
 class Finding:
     """A reason to doubt a recording before anything is fitted to it.
 
-    kind: name of the check. severity: `refuse` where going on is all but certainly a waste of time, else `caution`.
-    message: one sentence with what seems wrong and what to do or to state otherwise.
+    kind: name of the check. message: one sentence with what seems wrong and what to do or to state otherwise. severity:
+    `refuse` where going on is all but certainly a waste of time, else `caution`.
     """
 
     kind: str
-    severity: Severity
     message: str
+    severity: Severity = "caution"
 
 
 def listed(names: Iterable[str]) -> str:

@@ -1,20 +1,22 @@
-"""Collect what the screening looks at: every object's track in every run, with the noise of each axis."""
+"""Collect what the screening looks at: every object's track in every run, with noise and grid of each axis."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.noise import noise_levels
-from polyworld.data.recording import Recording, Run
+from polyworld.data.recording import Recording
+from polyworld.screening.grid import grid_step
+from polyworld.screening.settings import DEFAULT, ScreenSettings
+from polyworld.world import World
+from polyworld.world.representations.rigid import RigidObject
 
 Array = NDArray[np.float64]
 
-LAST_DIGIT = 1e-6  # of a last digit: what reading and scaling a number in double precision may be off by
 EXACT = 1e-9  # least noise as a part of the range: rounding of floating-point numbers
 
 
@@ -32,76 +34,86 @@ class Track:
     times: Array
     places: Array
     orientations: Array
-    noise: Array = field(default_factory=lambda: np.zeros(3))
-    quantum: Array = field(default_factory=lambda: np.zeros(3))
+    noise: Array
+    quantum: Array
 
     @cached_property
-    def axes(self) -> tuple[int, ...]:
+    def axes(self) -> list[int]:
         """World axes measured in at least half of the instants."""
-        return tuple(int(a) for a in np.flatnonzero(np.isfinite(self.places).mean(axis=0) >= 0.5))
+        found: list[int] = np.flatnonzero(np.isfinite(self.places).mean(axis=0) >= 0.5).tolist()
+        return found
 
     @cached_property
     def range(self) -> Array:
         """Difference of largest and smallest position on each axis (3,) [m], 0 where not measured."""
-        seen = np.isfinite(self.places)
-        high = np.where(seen, self.places, -np.inf).max(axis=0)
-        low = np.where(seen, self.places, np.inf).min(axis=0)
-        return np.where(seen.any(axis=0), high - low, 0.0)
+        return np.array([np.ptp(v[np.isfinite(v)]) if np.isfinite(v).any() else 0.0 for v in self.places.T])
 
     @cached_property
     def interval(self) -> float:
         """Median time between samples [s]."""
-        return float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
+        return float(np.median(np.diff(self.times)))
 
     def moves(self, factor: float) -> bool:
         """Whether the range on some axis exceeds `factor` standard deviations and two steps of its grid."""
         return bool(np.any(self.range > factor * self.noise + 2.0 * self.quantum))
 
 
-def tracks_of(recording: Recording) -> tuple[Track, ...]:
-    """Return the tracks with at least two instants, in the order of runs and objects, without their noise."""
-    found = []
-    for run in recording.runs:
+@dataclass(frozen=True)
+class Subject:
+    """What every check gets: a recording as tracks, and the world that it is held against."""
+
+    world: World
+    recording: Recording
+    tracks: tuple[Track, ...]
+    settings: ScreenSettings
+
+    @cached_property
+    def moving(self) -> list[Track]:
+        """Tracks long enough to judge their sampling, of objects that move."""
+        fewest, factor = self.settings.few_samples, self.settings.moved
+        return [t for t in self.tracks if len(t.times) >= fewest and t.moves(factor)]
+
+    @cached_property
+    def counts_frames(self) -> bool:
+        """Whether all times are whole numbers that mostly grow by one."""
+        long = [t for t in self.tracks if len(t.times) >= self.settings.few_samples]
+        whole = all(np.all(np.abs(t.times - np.round(t.times)) < 1e-9) for t in self.tracks)
+        return bool(long) and whole and all(abs(t.interval - 1.0) < 1e-9 for t in long)
+
+    def body(self, track: Track) -> RigidObject | None:
+        """Return the rigid body that a track is of."""
+        return next((o for o in self.world.objects if o.name == track.object), None)
+
+
+def subject(world: World, recording: Recording, settings: ScreenSettings = DEFAULT) -> Subject:
+    """Return the tracks with at least two instants, in the order of runs and objects.
+
+    Grids are those that differences from sample to sample are multiples of, whatever the origin of each run. Steps that
+    are finer than the motion resolves, or well below the noise, as the last decimal of a good measurement, are none.
+    """
+    seen: dict[str, list[tuple[int, int, NDArray[np.bool_]]]] = {}
+    for r, run in enumerate(recording.runs):
         for column, name in enumerate(run.names):
-            places = run.positions[:, column]
-            rows = np.isfinite(places).any(axis=1)
+            rows = np.asarray(np.isfinite(run.positions[:, column]).any(axis=1))
             if np.count_nonzero(rows) >= 2:
-                found.append(Track(run.name, name, run.times[rows], places[rows], run.orientations[rows, column]))
-    return tuple(found)
-
-
-def with_noise(tracks: Sequence[Track], recording: Recording, quantum: dict[tuple[str, int], float]) -> list[Track]:
-    """Return the tracks with their noise: of each object and axis the median over runs, at least what is stated.
-
-    quantum: steps of grids by object and axis. Rounding by a step q has standard deviation q / sqrt(12).
-    """
-    levels: dict[tuple[str, int], list[float]] = {}
-    stated: dict[str, Run] = {run.name: run for run in recording.runs}
-    ranges: dict[str, float] = {}
-    for track in tracks:
-        own = noise_levels(track.times, track.places)
-        ranges[track.object] = max(ranges.get(track.object, 0.0), float(track.range.max()))
+                seen.setdefault(name, []).append((r, column, rows))
+    found: dict[tuple[int, int], Track] = {}
+    for name, own in seen.items():
+        places = [recording.runs[r].positions[rows, column] for r, column, rows in own]
+        levels = np.array(
+            [noise_levels(recording.runs[r].times[k], p) for (r, _, k), p in zip(own, places, strict=True)]
+        )
+        extent = max(float(np.ptp(v[np.isfinite(v)])) for p in places for v in p.T if np.isfinite(v).any())
+        noise, quantum = np.full(3, EXACT * extent), np.zeros(3)
         for axis in range(3):
-            if np.isfinite(own[axis]):
-                levels.setdefault((track.object, axis), []).append(float(own[axis]))
-    pooled = {key: float(np.median(values)) for key, values in levels.items()}
-    found = []
-    for track in tracks:
-        step = np.array([quantum.get((track.object, axis), 0.0) for axis in range(3)])
-        given = stated[track.run].sigma or 0.0
-        own = np.array([pooled.get((track.object, axis), 0.0) for axis in range(3)])
-        floor = np.maximum(step / np.sqrt(12.0), EXACT * ranges[track.object])
-        found.append(replace(track, noise=np.maximum(np.maximum(own, given), floor), quantum=step))
-    return found
-
-
-def last_digit(values: Array, decimals: int, error: float = LAST_DIGIT) -> float:
-    """Return the power of ten of which all values are multiples, 0 where it has more than so many decimals.
-
-    error: of a last digit, by reading and scaling numbers in double precision.
-    """
-    for count in range(decimals + 1):
-        scaled = values * 10.0**count
-        if np.all(np.abs(scaled - np.round(scaled)) < error * np.maximum(1.0, 1e-9 * np.abs(scaled))):
-            return float(10.0**-count)
-    return 0.0
+            columns = [p[np.isfinite(p[:, axis]), axis] for p in places]
+            step = grid_step(np.concatenate(columns), np.concatenate([np.diff(c) for c in columns]), settings)
+            level = float(np.nanmedian(levels[:, axis])) if np.isfinite(levels[:, axis]).any() else 0.0
+            if step > settings.resolved * extent and step / np.sqrt(12.0) > settings.rounding_share * level:
+                quantum[axis] = step
+            noise[axis] = max(noise[axis], level, quantum[axis] / np.sqrt(12.0))
+        for (r, column, rows), there in zip(own, places, strict=True):
+            run, turns = recording.runs[r], recording.runs[r].orientations[rows, column]
+            least = np.maximum(noise, run.sigma or 0.0)
+            found[r, column] = Track(run.name, name, run.times[rows], there, turns, least, quantum)
+    return Subject(world, recording, tuple(found[key] for key in sorted(found)), settings)

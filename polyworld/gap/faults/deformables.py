@@ -78,58 +78,40 @@ def _source(world: World, recording: Recording) -> tuple[Variant, ...]:
 
 CANDIDATES = (
     Candidate(
-        name="material_damping",
-        group="material",
-        law="stress = C (strain + tau strain rate)",
-        variants=_of(
+        "material_damping",
+        "material",
+        "stress = C (strain + tau strain rate)",
+        _of(
             Field("stretch_damping", ROPES | CLOTH, 0.01, "of stretching"),
             Field("bending_damping", ROPES | CLOTH, 0.01, "of bending"),
             Field("damping", SOFT, 0.01, "of soft bodies"),
         ),
     ),
     Candidate(
-        name="air_drag",
-        group="material",
-        law="dv/dt = -c v of ropes and soft bodies; rho C_n v_n^2 / 2 per area of cloth",
-        variants=_of(
+        "air_drag",
+        "material",
+        "dv/dt = -c v of ropes and soft bodies; rho C_n v_n^2 / 2 per area of cloth",
+        _of(
             Field("linear_damping", ROPES, 0.1, "of ropes"),
             Field("linear_damping", SOFT, 0.1, "of soft bodies"),
             Field("drag_normal", CLOTH, 1.0, "across the sheet"),
             Field("drag_tangential", CLOTH, 0.05, "along the sheet"),
         ),
     ),
+    Candidate("bending_stiffness", "material", "moment = EI curvature; D curvature per width of a sheet", _bending),
     Candidate(
-        name="bending_stiffness",
-        group="material",
-        law="moment = EI curvature; D curvature per width of a sheet",
-        variants=_bending,
-    ),
-    Candidate(
-        name="stretch_stiffness",
-        group="material",
-        law="tension = EA strain; stress = E strain",
-        variants=_of(
+        "stretch_stiffness",
+        "material",
+        "tension = EA strain; stress = E strain",
+        _of(
             Field("stretch_stiffness", ROPES, 1e3, "of ropes"),
             Field("stretch_stiffness", CLOTH, 100.0, "of cloth"),
             Field("youngs_modulus", SOFT, 1e4, "of soft bodies"),
         ),
     ),
+    Candidate("viscosity", "material", "stress = mu (grad v + grad v^T)", _of(Field("viscosity", FLUIDS, 1e-3))),
     Candidate(
-        name="viscosity",
-        group="material",
-        law="stress = mu (grad v + grad v^T)",
-        variants=_of(Field("viscosity", FLUIDS, 1e-3)),
+        "surface_tension", "material", "pressure jump = sigma curvature", _of(Field("surface_tension", FLUIDS, 0.02))
     ),
-    Candidate(
-        name="surface_tension",
-        group="material",
-        law="pressure jump = sigma curvature",
-        variants=_of(Field("surface_tension", FLUIDS, 0.02)),
-    ),
-    Candidate(
-        name="source_rate",
-        group="material",
-        law="volume per time of emitters",
-        variants=_source,
-    ),
+    Candidate("source_rate", "material", "volume per time of emitters", _source),
 )

@@ -14,10 +14,11 @@ from polyworld.estimation.unknown import Unknown
 from polyworld.gap.candidate import Candidate, Variant, free_name, of_path, with_parts
 from polyworld.gap.conditions import conditions, reach
 from polyworld.gap.kinks import Kink, kinks
-from polyworld.world import StaticObject, World, geometry
+from polyworld.screening.statics import plane_normal
+from polyworld.world import StaticObject, World
 from polyworld.world.parameters import object_mass
 from polyworld.world.representations.rigid import RigidObject
-from polyworld.world.shapes import Plane, Sphere
+from polyworld.world.shapes import Sphere
 
 Array = NDArray[np.float64]
 
@@ -50,11 +51,9 @@ def _floor(world: World) -> float | None:
     if not (gravity[2] < 0.0 and abs(gravity[0]) + abs(gravity[1]) < 1e-9):
         return None
     for static in world.statics:
-        shape = static.shape
-        if isinstance(shape, Plane) and geometry.quaternion_matrix(np.asarray(static.orientation))[2] @ np.asarray(
-            shape.normal
-        ) > (1.0 - 1e-9) * float(np.linalg.norm(shape.normal)):
-            return float(static.position[2] + shape.offset)
+        normal = plane_normal(static)
+        if normal is not None and normal[2] > 1.0 - 1e-9:
+            return float(static.position[2] + getattr(static.shape, "offset", 0.0))
     return None
 
 
@@ -135,10 +134,6 @@ def _struck_mass(world: World, kink: Kink, mass: float) -> float:
 
 CANDIDATES = (
     Candidate(
-        name="hidden_body",
-        group="structure",
-        law="a ball, as large as what strikes it, at rest until it is struck",
-        variants=_body,
-        local=True,
+        "hidden_body", "structure", "a ball, as large as what strikes it, at rest until it is struck", _body, local=True
     ),
 )

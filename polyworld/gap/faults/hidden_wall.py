@@ -52,8 +52,9 @@ class _Face:
 
 def _wall(world: World, recording: Recording) -> tuple[Variant, ...]:
     found = conditions(world, recording)
-    axes = _axes(world, found)
-    if len(axes) < 2 or not world.objects:
+    axes = list(found.axes)
+    oblique = world.planar and np.abs(geometry.plane_axes(world.environment.motion_plane)[2]).max() < 1.0 - 1e-9
+    if len(axes) < 2 or not world.objects or oblique:
         return ()
     faces = _walls(world, recording, axes)
     made = []
@@ -82,9 +83,7 @@ def _variant(
     if rough and not any(o.friction for o in world.objects):
         return None
     first = side * np.eye(3)[axis]
-    turned = [k for k in range(3) if k != axis and (len(axes) == 3 or k not in axes)]
     name = free_name("hidden_wall", [*world.moving_names, *(s.name for s in world.statics)])
-    known = {"restitution": faces[0].restitution} | ({"friction": FRICTION} if rough else {})
     wall = StaticObject(
         name=name,
         shape=Plane(normal=(float(first[0]), float(first[1]), float(first[2]))),
@@ -93,25 +92,23 @@ def _variant(
         dominant=True,
     )
     child = with_parts(world, statics=(*world.statics, wall))
-    starts = tuple(
-        {"offset": float(face.offset / face.normal[axis]), "restitution": face.restitution}
-        | {f"turn_{'xyz'[k]}": float(_turn(face.normal, first)[k]) for k in turned}
-        | ({"friction": FRICTION} if rough else {})
-        for face in faces
-    )
-    sizes = {"offset": (f"position.{'xyz'[axis]}", 0.1 * found.spread)}
-    sizes |= {f"turn_{'xyz'[k]}": (f"rotation.{'xyz'[k]}", 0.1) for k in turned}
-    sizes |= {label: (label, 0.2) for label in known}
-    unknowns = tuple(
-        of_path(child, (f"statics.{name}.{field}",), label, starts[0][label], typical, **_limits(label))
-        for label, (field, typical) in sizes.items()
-    )
+    # Of each unknown: its field, an ordinary change, bounds and its start by face.
+    rows = {
+        "offset": (f"position.{'xyz'[axis]}", 0.1 * found.spread, np.inf, [f.offset / f.normal[axis] for f in faces])
+    }
+    for k in (k for k in range(3) if k != axis and (len(axes) == 3 or k not in axes)):
+        turns = [_turn(f.normal, first)[k] for f in faces]
+        rows[f"turn_{'xyz'[k]}"] = f"rotation.{'xyz'[k]}", 0.1, MOST_TURN, turns
+    rows["restitution"] = "restitution", 0.2, np.inf, [f.restitution for f in faces]
+    if rough:
+        rows["friction"] = "friction", 0.2, np.inf, [FRICTION] * len(faces)
+    starts = tuple({label: float(row[-1][i]) for label, row in rows.items()} for i in range(len(faces)))
+    unknowns = [
+        of_path(child, (f"statics.{name}.{field}",), label, starts[0][label], typical, lower=-most, upper=most)
+        for label, (field, typical, most, _) in rows.items()
+    ]
     label = f"across {'xyz'[axis]}, facing {'-+'[side > 0]}{'xyz'[axis]}"
     return Variant(child, (*unknowns, *spins), starts, label + (", rough" if rough else ""))
-
-
-def _limits(label: str) -> dict[str, float]:
-    return {"lower": -MOST_TURN, "upper": MOST_TURN} if label.startswith("turn") else {}
 
 
 def _spins(world: World, recording: Recording) -> tuple[Unknown, ...]:
@@ -132,15 +129,6 @@ def _spins(world: World, recording: Recording) -> tuple[Unknown, ...]:
                 for a in "xyz"
             ]  # fmt: skip
     return tuple(made)
-
-
-def _axes(world: World, found: Conditions) -> list[int]:
-    """Return the world axes along which walls may be seen to turn paths back; none on a plane of motion that is
-    oblique."""
-    if not world.planar:
-        return list(found.axes)
-    normal = np.abs(geometry.plane_axes(world.environment.motion_plane)[2])
-    return list(found.axes) if normal.max() > 1.0 - 1e-9 else []
 
 
 def _turn(normal: Array, first: Array) -> Array:
@@ -202,44 +190,31 @@ def _normals(world: World, hits: Sequence[Kink], axes: Sequence[int]) -> list[tu
     Through all hits whose jumps point the same way, robustly; then through each two, the farthest apart first; then of
     single hits, along the jump of the velocity, or bent from it by friction by up to the angle of the friction cone.
     """
-    inside = np.zeros(3)
-    inside[list(axes)] = 1.0
-    cone = np.arctan(FRICTION) + SKEW
-    faces: list[tuple[Array, Kink]] = []
-    for kink in hits[:PAIRED]:
-        group = [h for h in hits if h.name == kink.name and h.direction @ kink.direction > np.cos(2.0 * cone)]
-        if len(group) > 2:
-            normal, extent = _through(group, inside)
-            if normal is not None and extent > NEARBY * reach(world, world.object(kink.name)):
-                middle = _along(group, normal)[len(group) // 2]
-                faces += [(way, middle) for way in (normal, *_upright(world, normal))]
-    pairs: list[tuple[float, Array, Kink]] = []
-    for group2 in itertools.combinations(hits[:PAIRED], 2):
-        if len({k.name for k in group2}) > 1:
-            continue  # places are those of centres
-        normal, extent = _through(group2, inside)
-        far = extent > NEARBY * reach(world, world.object(group2[0].name))
-        if normal is not None and far and all(k.direction @ normal > np.cos(cone) for k in group2):
-            pairs.append((extent, normal, group2[0]))
-    for _, normal, kink in sorted(pairs, key=lambda f: -f[0]):
-        faces += [(way, kink) for way in (*_upright(world, normal), normal)]
-    for kink in hits[:PAIRED]:
-        jump = kink.jump * inside
-        size = float(np.linalg.norm(jump))
-        if not size:
+    inside = np.isin(np.arange(3), axes).astype(float)
+    cone, sharpest = np.arctan(FRICTION) + SKEW, hits[:PAIRED]
+    alike = [[h for h in hits if h.name == k.name and h.direction @ k.direction > np.cos(2.0 * cone)] for k in sharpest]
+    pairs = [list(p) for p in itertools.combinations(sharpest, 2) if p[0].name == p[1].name]  # places are of centres
+    planes: list[tuple[int, float, Array, Kink]] = []
+    for group in [*(g for g in alike if len(g) > 2), *pairs]:
+        normal, extent = _through(group, inside)
+        if normal is None or extent <= NEARBY * reach(world, world.object(group[0].name)):
             continue
-        bend = np.cross(jump, kink.before * inside)
-        turning = float(np.linalg.norm(bend))
-        angle = float(np.arctan(FRICTION))
-        for turn in (0.0, angle, -angle) if turning > 1e-9 else (0.0,):
-            by = Rotation.from_rotvec(bend / max(turning, 1e-12) * turn)
-            faces.append((by.apply(jump / size), kink))
+        if len(group) > 2:
+            offsets = [float(h.place @ normal) for h in group]
+            planes.append((0, 0.0, normal, group[int(np.argsort(offsets)[len(group) // 2])]))
+        elif all(k.direction @ normal > np.cos(cone) for k in group):
+            planes.append((1, -extent, normal, group[0]))
+    faces: list[tuple[Array, Kink]] = []
+    for two, _, normal, kink in sorted(planes, key=lambda p: p[:2]):
+        ways = (normal, *_upright(world, normal))
+        faces += [(way, kink) for way in (ways[::-1] if two else ways)]
+    for kink in sharpest:
+        jump = kink.jump * inside
+        size, bend = float(np.linalg.norm(jump)), np.cross(jump, kink.before * inside)
+        turning, angle = float(np.linalg.norm(bend)), float(np.arctan(FRICTION))
+        for turn in () if not size else (0.0, angle, -angle) if turning > 1e-9 else (0.0,):
+            faces.append((Rotation.from_rotvec(bend / max(turning, 1e-12) * turn).apply(jump / size), kink))
     return faces
-
-
-def _along(hits: Sequence[Kink], normal: Array) -> list[Kink]:
-    """Return hits in the order of their places along a normal."""
-    return sorted(hits, key=lambda h: float(h.place @ normal))
 
 
 def _upright(world: World, normal: Array) -> list[Array]:
@@ -269,12 +244,4 @@ def _through(hits: Sequence[Kink], inside: Array) -> tuple[Array | None, float]:
     return (normal / length if length > 1e-9 else None), float(size[len(along) - 1])
 
 
-CANDIDATES = (
-    Candidate(
-        name="hidden_wall",
-        group="structure",
-        law="a plane that bodies rebound from",
-        variants=_wall,
-        local=True,
-    ),
-)
+CANDIDATES = (Candidate("hidden_wall", "structure", "a plane that bodies rebound from", _wall, local=True),)

@@ -91,30 +91,8 @@ def _delay(world: World, recording: Recording) -> tuple[Variant, ...]:
 
 
 CANDIDATES = (
-    Candidate(
-        name="joint_friction",
-        group="joint",
-        law="|torque| <= T against the joint's motion",
-        variants=_friction,
-        plain=True,
-    ),
-    Candidate(
-        name="joint_damping",
-        group="joint",
-        law="torque = -c rate",
-        variants=_damping,
-        plain=True,
-    ),
-    Candidate(
-        name="motor",
-        group="joint",
-        law="a constant torque or force along a joint's motion",
-        variants=_motor,
-    ),
-    Candidate(
-        name="actuator_delay",
-        group="joint",
-        law="a motor acts at t - d as commanded for t",
-        variants=_delay,
-    ),
+    Candidate("joint_friction", "joint", "|torque| <= T against the joint's motion", _friction, plain=True),
+    Candidate("joint_damping", "joint", "torque = -c rate", _damping, plain=True),
+    Candidate("motor", "joint", "a constant torque or force along a joint's motion", _motor),
+    Candidate("actuator_delay", "joint", "a motor acts at t - d as commanded for t", _delay),
 )

@@ -21,9 +21,9 @@ import numpy as np
 from atw_mcp.worlds.parts import Parts
 from atw_mcp.worlds.representation_choice import choose
 from polyworld.data.tracks import ObservedTracks
+from polyworld.estimation.accuracy import travelled_by_axis, with_model_error
 from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.fitted import StudyFit
-from polyworld.estimation.model_error import travelled_by_axis, with_model_error
 from polyworld.solver.rollout import simulator
 from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
 from polyworld.world.description import Appearance

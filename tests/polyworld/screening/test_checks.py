@@ -11,9 +11,7 @@ import pytest
 
 from polyworld.data.recording import Recording
 from polyworld.screening import Finding, Screening, ScreenSettings, screen
-from polyworld.screening.grid import grid_steps
-from polyworld.screening.settings import DEFAULT
-from polyworld.screening.tracks import tracks_of
+from polyworld.screening.tracks import subject
 from polyworld.world import World
 from tests import real_data
 from tests.polyworld.screening import cases
@@ -172,7 +170,6 @@ def test_measured_falls_in_wrong_units_and_axes_are_noticed() -> None:
 
 @needs("clevrer")
 def test_rounding_of_annotations_is_measured() -> None:
-    _, recording = real_data.clevrer(("00000", "02000"))
-    quantum = grid_steps(tracks_of(recording), DEFAULT)
-    assert len({name for name, _ in quantum}) > 5
-    assert all(q == pytest.approx(1e-4) for q in quantum.values())
+    quantum = {t.object: t.quantum[t.quantum > 0.0] for t in subject(*real_data.clevrer(("00000", "02000"))).tracks}
+    assert sum(len(steps) > 0 for steps in quantum.values()) > 5
+    assert all(step == pytest.approx(1e-4) for steps in quantum.values() for step in steps)

@@ -11,10 +11,9 @@ import pytest
 from polyworld.data.noise import noise_levels
 from polyworld.data.recording import Recording, Run
 from polyworld.screening import Screening, screen
-from polyworld.screening.grid import grid_step, grid_steps
-from polyworld.screening.settings import DEFAULT
+from polyworld.screening.grid import grid_step
 from polyworld.screening.time_stamps import repeated_rows
-from polyworld.screening.tracks import tracks_of
+from polyworld.screening.tracks import subject
 from polyworld.world import StaticObject, World
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Box, Sphere
@@ -34,7 +33,8 @@ def kinds(screening: Screening) -> list[str]:
 
 
 def steps_of(recording: Recording) -> dict[tuple[str, int], float]:
-    return grid_steps(tracks_of(recording), DEFAULT)
+    tracks = subject(WORLD, recording).tracks
+    return {(t.object, axis): float(q) for t in tracks for axis, q in enumerate(t.quantum) if q > 0.0}
 
 
 def on_pixels(recording: Recording, step: float) -> Recording:

@@ -1,7 +1,8 @@
-"""Wrong units, axes and time stamps of whoever measured; and what all faults of observers share."""
+"""Wrong units, axes and time stamps of whoever measured, lenses that distort, and cameras that look on aslant."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,9 @@ from polyworld.data.recording import Recording, Run
 from polyworld.estimation.unknown import Unknown
 from polyworld.expressions.effect import law_of
 from polyworld.gap.candidate import Candidate, Variant, of_path, one_start, with_parts
-from polyworld.world import StaticObject, World, geometry
+from polyworld.screening.statics import plane_normal
+from polyworld.world import World, geometry
 from polyworld.world.observer import MARGIN, Observer
-from polyworld.world.shapes import Plane
 
 Array = NDArray[np.float64]
 
@@ -40,6 +41,25 @@ def measured_axes(recording: Recording) -> list[int]:
     return [a for a in range(3) if any(np.isfinite(run.positions[..., a]).any() for run in recording.runs)]
 
 
+def region(recording: Recording) -> tuple[list[int], Array, float]:
+    """Return axes of which positions were measured, the middle (3,) of what was seen, and its largest extent [m]."""
+    axes, middle = measured_axes(recording), np.zeros(3)
+    places = np.concatenate([run.positions.reshape(-1, 3) for run in recording.runs])[:, axes]
+    lower, upper = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
+    middle[axes] = 0.5 * (lower + upper)
+    return axes, middle, float(np.max(upper - lower, initial=0.0))
+
+
+def centred(child: World, centre: Array, axes: Sequence[int], reach: float) -> list[Unknown]:
+    """Return the point that an observer's fault is about as unknowns, up to twice a reach [m] away."""
+    found = []
+    for a in axes:
+        limits = {"lower": float(centre[a] - 2.0 * reach), "upper": float(centre[a] + 2.0 * reach)}
+        name = f"centre_{'xyz'[a]}"
+        found.append(of_observer(child, f"centre.{'xyz'[a]}", name, 0.2 * reach, **limits, plausible=reach))
+    return found
+
+
 def is_bare(world: World) -> bool:
     """Return whether nothing in the world has a place or a size that data could be held against."""
     return not (world.statics or world.joints or world.deformables or world.effects)
@@ -61,18 +81,10 @@ def _scale(world: World, recording: Recording) -> tuple[Variant, ...]:
 
 def _scale_about_own_point(world: World, recording: Recording) -> Variant:
     """Return a scale about a point that is fitted, too: statics have a place, and what stays there shows."""
-    places = np.concatenate([run.positions.reshape(-1, 3) for run in recording.runs])
-    axes = measured_axes(recording)
-    middle = np.zeros(3)
-    lower, upper = np.nanmin(places[:, axes], axis=0), np.nanmax(places[:, axes], axis=0)
-    middle[axes] = 0.5 * (lower + upper)
-    reach = float(np.max(upper - lower))
+    axes, middle, reach = region(recording)
     child = observed(world, centre=tuple(float(c) for c in middle))
-    unknowns = [of_observer(child, "scale", "scale", 0.03, lower=0.5, upper=2.0, plausible=WRONG_UNIT)]
-    for a in axes:
-        limits = {"lower": float(middle[a] - 2.0 * reach), "upper": float(middle[a] + 2.0 * reach), "plausible": reach}
-        unknowns.append(of_observer(child, f"centre.{'xyz'[a]}", f"centre_{'xyz'[a]}", 0.2 * reach, **limits))
-    return one_start(child, unknowns, "about a point of its own")
+    scale = of_observer(child, "scale", "scale", 0.03, lower=0.5, upper=2.0, plausible=WRONG_UNIT)
+    return one_start(child, [scale, *centred(child, middle, axes, reach)], "about a point of its own")
 
 
 def _clock(world: World, recording: Recording) -> tuple[Variant, ...]:
@@ -156,49 +168,79 @@ def _tilt_shows(world: World, recording: Recording, axis: int) -> bool:
     upright = size == 0.0 or abs(about @ gravity) > (1.0 - 1e-9) * size
     if not upright:
         return True
-    level = all(_level(s, about) for s in world.statics)
+    normals = [plane_normal(s) for s in world.statics]
+    level = all(n is not None and abs(n @ about) > 1.0 - 1e-9 for n in normals)
     free = not (world.joints or world.deformables)
     return not (level and free and all(law_of(e).isotropic for e in world.effects if e.enabled))
 
 
-def _level(static: StaticObject, up: Array) -> bool:
-    """Return whether a static is a plane across a direction."""
-    if not isinstance(static.shape, Plane):
-        return False
-    normal = geometry.quaternion_matrix(np.asarray(static.orientation)) @ np.asarray(static.shape.normal)
-    return bool(abs(normal @ up) > (1.0 - 1e-9) * np.linalg.norm(normal))
+# Bounds of k r^2 where r is the largest distance seen, which distortion itself has changed: below, points would change
+# order (k r^2 = -1/3 of the true distance); above, what was seen is one and a half times as far as it was.
+LEAST_BEND, MOST_BEND = -0.3, 1.0
+TYPICAL_BEND, ORDINARY_BEND = (
+    0.02,
+    0.3,
+)  # of k r^2, or of keystone times that extent: any lens; a fisheye, a camera held aslant
+SLANTED = 0.7  # most that keystone times half the extent of what was seen may be
+
+
+def _distortion(world: World, recording: Recording) -> tuple[Variant, ...]:
+    axes, middle, extent = region(recording)
+    view = _sight(world, axes)
+    across = [a for a in axes if view is None or abs(view[a]) < 1.0 - 1e-9]
+    if not across:
+        return ()
+    origin = np.zeros(3) if world.observer is None else np.asarray(world.observer.centre)
+    centres = [("about the origin", origin)]
+    if not np.allclose(middle[across], origin[across], atol=0.05 * extent):
+        centres.append(("about a point of its own", middle))
+    places, made = np.concatenate([run.positions.reshape(-1, 3) for run in recording.runs]), []
+    for label, centre in centres:
+        child = observed(world, centre=tuple(float(c) for c in centre), view=view)
+        square = float(np.nanmax(np.nansum((places - centre)[:, across] ** 2, axis=1)))
+        bounds = {"lower": LEAST_BEND / square, "upper": MOST_BEND / square, "plausible": ORDINARY_BEND / square}
+        bent = of_observer(child, "distortion", "distortion", TYPICAL_BEND / square, **bounds)
+        own = centred(child, centre, across, float(np.sqrt(square))) if centre is middle else []
+        made.append(one_start(child, [bent, *own], label))
+    return tuple(made)
+
+
+def _keystone(world: World, recording: Recording) -> tuple[Variant, ...]:
+    axes, middle, extent = region(recording)
+    view = _sight(world, axes)
+    if (view is None and len(axes) == 3) or not extent > 0.0:
+        return ()  # what measures depth too has not one plane of motion
+    across, reach = [a for a in axes if view is None or abs(view[a]) < 1.0 - 1e-9], 0.5 * extent
+    # Whoever takes the scale from lengths in the picture has it right about the middle.
+    centre = np.where(np.isin(np.arange(3), across), middle, 0.0)
+    if world.observer is not None:
+        centre = np.array(world.observer.centre)
+    child = observed(world, centre=tuple(float(c) for c in centre))
+    limits = {"lower": -SLANTED / reach, "upper": SLANTED / reach, "plausible": ORDINARY_BEND / reach}
+    unknowns = [
+        of_observer(child, f"keystone.{'xyz'[a]}", f"keystone_{'xyz'[a]}", TYPICAL_BEND / reach, **limits)
+        for a in across
+    ]
+    return (one_start(child, unknowns),)
+
+
+def _sight(world: World, axes: list[int]) -> tuple[float, float, float] | None:
+    """Direction of sight: the camera's, or the one axis of which nothing was measured; None where neither is known."""
+    if world.observer is not None and world.observer.view is not None:
+        return world.observer.view
+    if world.camera is None and len(axes) != 2:
+        return None
+    unmeasured = sum({0, 1, 2} - set(axes))
+    x, y, z = np.eye(3)[unmeasured] if world.camera is None else np.asarray(world.camera.rotation)[2]
+    return float(x), float(y), float(z)
 
 
 CANDIDATES = (
-    Candidate(
-        name="observer_scale",
-        group="observer",
-        law="x_seen = centre + s (x - centre)",
-        variants=_scale,
-    ),
-    Candidate(
-        name="observer_clock",
-        group="observer",
-        law="t_seen = c t",
-        variants=_clock,
-    ),
-    Candidate(
-        name="observer_time_offset",
-        group="observer",
-        law="t_seen = t - t0",
-        variants=_time_offset,
-    ),
-    Candidate(
-        name="dropped_frames",
-        group="observer",
-        law="t_seen = t - shift after shift_time",
-        variants=_dropped,
-        local=True,
-    ),
-    Candidate(
-        name="observer_tilt",
-        group="observer",
-        law="x_seen = centre + R(tilt)^T (x - centre)",
-        variants=_tilt,
-    ),
+    Candidate("observer_scale", "observer", "x_seen = centre + s (x - centre)", _scale),
+    Candidate("observer_clock", "observer", "t_seen = c t", _clock),
+    Candidate("observer_time_offset", "observer", "t_seen = t - t0", _time_offset),
+    Candidate("dropped_frames", "observer", "t_seen = t - shift after shift_time", _dropped, local=True),
+    Candidate("observer_tilt", "observer", "x_seen = centre + R(tilt)^T (x - centre)", _tilt),
+    Candidate("observer_distortion", "observer", "x_seen = centre + (x - centre) (1 + k r^2)", _distortion),
+    Candidate("observer_keystone", "observer", "x_seen = centre + (x - centre) / (1 + p . (x - centre))", _keystone),
 )
