@@ -62,13 +62,6 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
     frequency = {n: float(np.mean([n in f.hypothesis.names for f in drawn])) for n in sorted(names)}
     if not any(_competes(f, named) for f in choice.near):
         named = _needed(named, trusted, frequency)
-        gains = [f for f in drawn if named.hypothesis.names < f.hypothesis.names]
-        much = choice.best.error < settings.matters * named.error
-        if named is choice.chosen and len(gains) >= settings.core * len(drawn) and much:
-            named = max(gains, key=lambda f: sum(g is f for g in gains))
-        weak = set(_weak(named, pool, share)) if len(named.hypothesis.parts) > 1 else set()
-        fewer = [f for f in trusted if weak and f is not null and f.hypothesis.names == named.hypothesis.names - weak]
-        named = min(fewer, key=lambda f: f.total, default=named)
     competitors = [f for f in choice.near if _competes(f, named)]
     if one_course and named is not null:
         enough = max(named.error / settings.halved, settings.closed * null.error)
@@ -80,12 +73,9 @@ def decide(pool: Sequence[Fitted], null: Fitted, share: float, one_course: bool 
     stable = 1.0 - len(lost) / len(drawn)
     if share == 1.0:  # of other laws the difference decides, whose noise is known: that fewer do is left to ask
         lost = [f for f in lost if f.hypothesis.names < named.hypothesis.names]
-    if not competitors:
-        if len(lost) > settings.share * len(drawn):
-            others = sorted({id(f): f for f in lost}.values(), key=lambda f: f.total)
-            competitors = [f for f in others if not _richer(f, named) or _matters(f, named)][:4]
-        elif named is not null and choice.best.total < named.total - settings.nats and _matters(choice.best, named):
-            competitors = [choice.best]
+    if not competitors and len(lost) > settings.share * len(drawn):
+        others = sorted({id(f): f for f in lost}.values(), key=lambda f: f.total)
+        competitors = [f for f in others if not _richer(f, named) or _matters(f, named)][:4]
     kind, reasons = _kind(named, null, competitors, _weak(named, pool, share))
     alone = [p.candidate.name for p in named.hypothesis.parts if _in_one_run(p, named, trusted, null)]
     if kind in ("identified", "identified_with_remainder") and alone:
