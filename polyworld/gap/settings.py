@@ -9,11 +9,12 @@ from dataclasses import dataclass
 class GapSettings:
     """Settings of the search for the gap.
 
-    Evidence. nats: difference of held-out scores within which two hypotheses are near: e^3 = 20 to 1. share: of
-    bootstrap resamplings in which a near one may be better, one standard error of a normal score. core: of bootstrap
-    winners that must hold a law for it to be named. place_cost: nats beside one a parameter for a law with a place or a
-    frequency: the logarithm of how many distinct ones a search looks through. state_cost: nats a coordinate that each
-    run has of its own. bootstraps: resamplings, whose shares are then known to 3 per cent.
+    Evidence. nats: difference of held-out scores within which two hypotheses are near: 100 to 1, since one name in a
+    hundred may be wrong. share: of bootstrap resamplings in which a near one may be better, one standard error of a
+    normal score. core: of bootstrap winners that must hold a law for it to be named. place_cost: nats beside one a
+    parameter for a law with a place or a frequency: the logarithm of how many distinct ones a search looks through.
+    state_cost: nats a coordinate that each run has of its own. bootstraps: resamplings, whose shares are then known to
+    3 per cent.
 
     What counts. near_noise: held-out error in standard deviations of the noise up to which nothing is left: noise
     levels from few samples are off by a third. negligible: error over the extent of the motion that no model of a real
@@ -26,8 +27,8 @@ class GapSettings:
     noise, near which predictions are, that is no law of its own: laws of resistance hold to some per cent. noise_error:
     relative, of the noise as differences of a thousand samples give it. excluded: nats by which an impossible
     hypothesis has to be better for "nothing is missing" to be wrong, and one with a law for it not to be zero though
-    its interval contains zero, and evidence that what a law leaves is correlated, from which on it is not named: three
-    times `nats`.
+    its interval contains zero, and evidence that what a law leaves is correlated, from which on it is not named: twice
+    `nats`.
 
     Search. depth: most laws together. branches: hypotheses of one depth that are extended. starts: of a law with
     places that are fitted. tried: hypotheses of one depth that are fitted to the end. samples: of a run that are
@@ -43,7 +44,7 @@ class GapSettings:
     for a state of its own. time_limit [s]: after which the search ends with what it has. seed: of the bootstrap.
     """
 
-    nats: float = 3.0
+    nats: float = 4.6
     share: float = 0.16
     core: float = 0.9
     place_cost: float = 2.0
