@@ -56,15 +56,17 @@ class Ground:
         self._machines = Machines()  # of fits one after another of one hypothesis
         self._everywhere = {owner(n) for run in self.recording.runs for n in run.names}
         runs, noise = self.recording.runs, self.noise
-        self.readouts = tuple(RunReadout(self.world, _series(r), n) for r, n in zip(runs, noise, strict=True))
+        known_at_first = [
+            _known_at_first(joined(state_coordinates(self._present(self.world, r), r)), r, n)
+            for r, n in zip(runs, noise, strict=True)
+        ]
+        self.states = tuple(states for states, _ in known_at_first)
+        series = [run for _, run in known_at_first]
+        self.readouts = tuple(RunReadout(self.world, r, n) for r, n in zip(series, noise, strict=True))
         self.counts = np.array([float(r.size) for r in self.readouts])
         if not self.counts.all():
             empty = [r.name for r, c in zip(runs, self.counts, strict=True) if not c]
             raise ValueError(f"runs {empty} hold no measured component")
-        self.states = tuple(
-            _known_at_first(joined(state_coordinates(self._present(self.world, r), r)), r, n)
-            for r, n in zip(runs, noise, strict=True)
-        )
 
     @property
     def relative_noise(self) -> float:
@@ -129,28 +131,19 @@ def ground_of(world: World, recording: Recording, settings: GapSettings) -> Grou
     return ground
 
 
-def _once(run: Run) -> NDArray[np.bool_]:
-    """Return which spins (n, 3) were measured at the first instant of a run alone: they are known of its initial state,
-    and no series whose misfit could show what the motion lacks."""
+def _known_at_first(states: StateMap, run: Run, noise: RunNoise) -> tuple[StateMap, Run]:
+    """Return coordinates with spins that were measured at the first instant alone as priors, and the run without them.
+
+    They are known of its initial state, and no series whose misfit could show what the motion lacks.
+    """
     seen = np.isfinite(run.angular_velocities)
-    once: NDArray[np.bool_] = seen[0] & (seen.sum(axis=0) == 1)
-    return once
-
-
-def _series(run: Run) -> Run:
-    """Return a run without the spins that were measured at its first instant alone."""
-    return replace(run, angular_velocities=np.where(_once(run), np.nan, run.angular_velocities))
-
-
-def _known_at_first(states: StateMap, run: Run, noise: RunNoise) -> StateMap:
-    """Return coordinates whose spins that were measured once have what was measured as their prior."""
-    prior = states.prior.copy()
-    for column, axis in np.argwhere(_once(run)).tolist():
+    prior, spins = states.prior.copy(), run.angular_velocities.copy()
+    for column, axis in np.argwhere(seen[0] & (seen.sum(axis=0) == 1)).tolist():
         label = f"{run.names[column]}.angular_velocity.{'xyz'[axis]}"
         if label in states.labels:
-            known = run.angular_velocities[0, column, axis], noise.spin[column, axis]
-            prior[states.labels.index(label)] = known
-    return replace(states, prior=prior)
+            prior[states.labels.index(label)] = spins[0, column, axis], noise.spin[column, axis]
+            spins[0, column, axis] = np.nan
+    return replace(states, prior=prior), replace(run, angular_velocities=spins)
 
 
 def _thinned(run: Run, most: int) -> Run:
