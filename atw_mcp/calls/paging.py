@@ -8,10 +8,10 @@ from typing import Any
 
 from mcp.server.mcpserver.exceptions import ToolError
 
-from atw_mcp.calls.results import ROOM, rounded
+from atw_mcp.calls.results import room, rounded
 from evidence_store import Evidence, to_json
 
-ENVELOPE = 600  # characters of a result beside its data
+PLACE = 100  # characters of a page beside its path and items: where it is in the list
 MOST_ITEMS = 1000  # of a list on one page
 
 
@@ -29,7 +29,8 @@ def part_of(
     if path is None:
         data = part
     elif isinstance(part, list):
-        shown = part[cursor : cursor + limit] if limit is not None else fitting(part[cursor:])
+        left = room(evidence) - PLACE - len(path)
+        shown = part[cursor : cursor + limit] if limit is not None else fitting(part[cursor:], left)
         end = cursor + len(shown)
         data = {"path": path, "value": shown, "next_cursor": end if end < len(part) else None, "of": len(part)}
     else:
@@ -38,12 +39,12 @@ def part_of(
     return replace(evidence, arguments={} if limit is None else {"limit": limit}, payload={"data": data}, pictures={})
 
 
-def fitting(items: list[Any]) -> list[Any]:
-    """Return the first items that fit in what an agent is shown at once; at least one."""
-    room, count = ROOM - ENVELOPE, 0
+def fitting(items: list[Any], left: int) -> list[Any]:
+    """Return the first items that fit in so many characters; at least one."""
+    count = 0
     for item in items[:MOST_ITEMS]:
-        room -= len(to_json(rounded(item))) + 1
-        if room < 0 and count:
+        left -= len(to_json(rounded(item))) + 1
+        if left < 0 and count:
             break
         count += 1
     return items[:count]

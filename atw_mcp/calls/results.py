@@ -85,10 +85,8 @@ def to_result(evidence: Evidence, *, whole: bool = False) -> CallToolResult:
     shown = None if whole else evidence.payload.get("shown")
     cut = shown is not None
     names = list(evidence.objects[:MOST_NAMES])
-    room = WIDE if whole or evidence.arguments.get("limit") is not None else ROOM
-    data, shortened = fit_to_room(
-        rounded(shown if cut else evidence.payload.get("data", {})), room - len(evidence.summary) - len(to_json(names))
-    )
+    most = WIDE if whole or evidence.arguments.get("limit") is not None else ROOM
+    data, shortened = fit_to_room(rounded(shown if cut else evidence.payload.get("data", {})), room(evidence, most))
     body: dict[str, Any] = {
         "evidence": evidence.id or None,
         "tool": evidence.tool,
@@ -131,6 +129,11 @@ def to_result(evidence: Evidence, *, whole: bool = False) -> CallToolResult:
         kind = "image/png" if name.endswith(".png") else "image/jpeg"
         content.append(ImageContent(type="image", data=base64.b64encode(picture).decode(), mime_type=kind))
     return CallToolResult(content=content, structured_content=None if evidence.pictures else body)
+
+
+def room(evidence: Evidence, most: int = ROOM) -> int:
+    """Return how many characters the data of a record may take, of so many for the result: the rest is said beside."""
+    return most - len(evidence.summary) - len(to_json(list(evidence.objects[:MOST_NAMES])))
 
 
 def plain(value: Any) -> Any:

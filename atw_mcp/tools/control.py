@@ -11,9 +11,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from atw_mcp.calls.app import App
 from atw_mcp.calls.names import case_hint
-from atw_mcp.calls.paging import MOST_ITEMS, fitting, part_of
+from atw_mcp.calls.paging import MOST_ITEMS, PLACE, fitting, part_of
 from atw_mcp.calls.result_schemas import Unfinished
-from atw_mcp.calls.results import Answer, damage_note, explained, to_result
+from atw_mcp.calls.results import ROOM, Answer, damage_note, explained, to_result
 from atw_mcp.calls.schemas import argument_lines, inlined
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.calls.waiting import Waiting
@@ -206,14 +206,14 @@ def _found(app: App, case: str, searched: dict[str, Any], cursor: int, limit: in
             limit=MOST_FOUND if limit is None else limit,
         )
     rows = [{"evidence": r.id, "tool": r.tool, "status": r.status, "summary": r.summary} for r in page.records]
-    shown = rows if limit is not None else fitting(rows)
+    note = damage_note(list(page.damaged))
+    shown = rows if limit is not None else fitting(rows, ROOM - 2 * PLACE - len(note))  # the summary takes one
     more = len(shown) < len(rows) or page.cursor is not None
     return Evidence(
         tool="ReadEvidence",
         arguments={} if limit is None else {"limit": limit},
         case=case,
-        summary=f"{len(shown)} records, latest first{'; more from next_cursor on' if more else ''}"
-        f"{damage_note(list(page.damaged))}",
+        summary=f"{len(shown)} records, latest first{'; more from next_cursor on' if more else ''}{note}",
         payload={"data": {"records": shown, "next_cursor": int(shown[-1]["evidence"][3:]) if more else None}},
     )
 
