@@ -166,10 +166,10 @@ def rounded(value: Any) -> Any:
     return value
 
 
-def fit_to_room(data: dict[str, Any], room: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+def fit_to_room(data: dict[str, Any], most: int) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """The data with its longest lists cut until their JSON fits, and which lists were cut: path, shown, of."""
     cut: dict[str, dict[str, Any]] = {}
-    while (excess := len(to_json(data)) - room) > 0:
+    while (excess := len(to_json(data)) - most) > 0:
         lists = [(len(to_json(items)), path, items) for path, items in _lists(data, "") if len(items) > 1]
         if not lists:
             break

@@ -206,9 +206,7 @@ def _supported(
     if abs(float(tangents[0] @ tangents[1])) > 1e-12:
         tangents[1] = np.cross(n, tangents[0])
     kept = [k for k, a in enumerate(across) if a in begins.axes]
-    level = [
-        k for k in kept if tangents[k].max() > 1.0 - 1e-12
-    ]  # along a world axis: a coordinate is that of the world
+    level = [k for k in kept if tangents[k].max() > 1.0 - 1e-12]  # along a world axis, whose coordinate is kept
     names = ["xyz"[across[k]] if k in level else str(k + 1) for k in kept]
     first = np.array([tangents[k] @ support.position if k in level else 0.0 for k in kept])
     tangents = tangents[kept]

@@ -18,11 +18,10 @@ FLOOR = 0.3  # of the noise, below which no error is believed
 
 @dataclass(frozen=True)
 class Choice:
-    """chosen: the simplest of `near`; best: of all. share: of values that count as independent."""
+    """chosen: the simplest of `near`. share: of values that count as independent."""
 
     chosen: Fitted
     near: tuple[Fitted, ...]
-    best: Fitted
     share: float
 
 
@@ -98,7 +97,7 @@ def choose(
     least = cost[near].min()
     simple = [i for i in np.flatnonzero(near).tolist() if cost[i] <= least + 1e-6]
     winner = min(simple, key=lambda i: float(totals[i]))
-    return Choice(pool[winner], tuple(pool[i] for i in np.flatnonzero(near).tolist()), pool[best], share)
+    return Choice(pool[winner], tuple(pool[i] for i in np.flatnonzero(near).tolist()), share)
 
 
 def resampled(pool: Sequence[Fitted], settings: GapSettings, share: float, kept: Sequence[int] = ()) -> Array:

@@ -13,7 +13,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from polyworld.estimation.readout import CHANNELS, owner
 from polyworld.gap.fitting import Fitted
@@ -129,7 +128,7 @@ def onsets(fitted: Fitted) -> tuple[Onset, ...]:
     found: dict[tuple[str, str], Onset] = {}
     for r, (run, readout) in enumerate(zip(fitted.ground.recording.runs, fitted.ground.readouts, strict=True)):
         one, rows, columns = fitted.slopes[r], readout.rows(), readout.columns()
-        errors = recursive_residuals(one.residuals, one.states, fitted.problem.runs[r][0].states.typical)
+        errors = recursive_residuals(one.residuals, one.states, rows, fitted.problem.runs[r][0].states.typical)
         times = run.times - run.times[0] + run.lead
         for column in np.unique(columns).tolist():
             own = columns == column
@@ -141,14 +140,23 @@ def onsets(fitted: Fitted) -> tuple[Onset, ...]:
     return tuple(sorted(found.values(), key=lambda o: (o.time, o.run, o.name)))
 
 
-def recursive_residuals(residuals: Array, slopes: Array, typical: Array) -> Array:
-    """Return forecast errors (m,) of residuals (m,) in units of noise, each from all before it.
+def recursive_residuals(residuals: Array, slopes: Array, rows: NDArray[np.int64], typical: Array) -> Array:
+    """Return forecast errors (m,) of residuals (m,) in units of noise, each instant from all before it.
 
-    slopes (m, N): by the initial state, whose ordinary changes are typical (N,). What is left of each, given those
-    before it, is what a triangular root of the covariance of all makes of them.
+    slopes (m, N): by the initial state, whose ordinary changes are typical (N,). rows (m,): the instant of each.
     """
-    moved = PRIOR * typical * slopes
-    found: Array = solve_triangular(np.linalg.cholesky(np.eye(len(moved)) + moved @ moved.T), residuals, lower=True)
+    found, n = residuals.copy(), slopes.shape[1]
+    covariance, state = np.diag((PRIOR * typical) ** 2), np.zeros(n)
+    for entries in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(rows)) + 1):
+        h = slopes[entries]
+        gain = covariance @ h.T
+        spread = h @ gain + np.eye(len(entries))
+        error = residuals[entries] - h @ state
+        found[entries] = np.linalg.solve(np.linalg.cholesky(spread), error)
+        k = np.linalg.solve(spread, gain.T).T
+        state = state + k @ error
+        shrink = np.eye(n) - k @ h
+        covariance = shrink @ covariance @ shrink.T + k @ k.T  # Joseph's form stays positive
     return found
 
 

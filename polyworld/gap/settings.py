@@ -20,15 +20,15 @@ class GapSettings:
     levels from few samples are off by a third. negligible: error over the extent of the motion that no model of a real
     scene undercuts. halved: ratio of errors that a law with a place or a clock must reach where noise is not reached.
     closed: ratio of errors, beyond the noise, that a name must reach on data held out. matters: ratio of errors below
-    which a law that bootstraps add decides something. plausible: departures from neutral, in those that physics makes
-    ordinary, beyond which a hypothesis is impossible. gravity: relative, and level [rad]: tolerances to which gravity
-    and the horizontal are known. alike: squared difference of two predictions over that of an effect below which they
-    are one law: slow forcing stands in for a tilt within 4e-3, and is not. remainder: share of the variance beyond the
-    noise, near which predictions are, that is no law of its own: laws of resistance hold to some per cent. noise_error:
-    relative, of the noise as differences of a thousand samples give it. excluded: nats by which an impossible
-    hypothesis has to be better for "nothing is missing" to be wrong, and one with a law for it not to be zero though
-    its interval contains zero, and evidence that what a law leaves is correlated, from which on it is not named: twice
-    `nats`.
+    which a further law decides something, and share of a remainder that a richer answer may leave. plausible:
+    departures from neutral, in those that physics makes ordinary, beyond which a hypothesis is impossible. gravity:
+    relative, and level [rad]: tolerances to which gravity and the horizontal are known. alike: squared difference of
+    two predictions over that of an effect below which they are one law: slow forcing stands in for a tilt within 4e-3,
+    and is not. remainder: share of the variance beyond the noise, near which predictions are, that is no law of its
+    own: laws of resistance hold to some per cent. noise_error: relative, of the noise as differences of a thousand
+    samples give it. excluded: nats by which an impossible hypothesis has to be better for "nothing is missing" to be
+    wrong, and one with a law for it not to be zero though its interval contains zero, and evidence that what a law
+    leaves is correlated, from which on it is not named: twice `nats`.
 
     Search. depth: most laws together. branches: hypotheses of one depth that are extended. starts: of a law with
     places that are fitted. tried: hypotheses of one depth that are fitted to the end. samples: of a run that are

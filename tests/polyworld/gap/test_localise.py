@@ -79,7 +79,7 @@ def test_forecast_errors_are_those_of_ordinary_least_squares_on_all_that_came_be
     times = np.linspace(0.0, 1.0, 30)
     slopes = np.stack([np.ones(30), times], axis=1)
     y = slopes @ np.array([1.0, -2.0]) + rng.normal(size=30)
-    errors = recursive_residuals(y, slopes, np.ones(2))
+    errors = recursive_residuals(y, slopes, np.arange(30), np.ones(2))
     for k in (10, 20, 29):
         inverse = np.linalg.inv(slopes[:k].T @ slopes[:k])
         forecast = slopes[k] @ inverse @ slopes[:k].T @ y[:k]
