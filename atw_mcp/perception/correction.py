@@ -10,11 +10,11 @@ import numpy as np
 
 from atw_mcp.perception.constraints import Constraint, Exclusion, Rest, Seed, SeedKind, ordered
 from atw_mcp.perception.corrections import Correction, Exclude, Outline, Place, Stay
+from atw_mcp.perception.describing import describe
 from atw_mcp.perception.follow_bodies import LUMINANCE, WHITE, Clip, Followed, excluded, follow_bodies
 from atw_mcp.perception.import_images import standing_apart
 from atw_mcp.perception.masks import Mask, RunLengthMask
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
-from atw_mcp.perception.observe import describe
 from atw_mcp.perception.track_edits import TrackEdits
 from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Progress, load
 from polyworld.world.camera import Camera

@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 from atw_mcp.perception import eye
 from atw_mcp.perception.camera_motion import as_filmed, as_stabilised, camera_motion, in_full_pixels, stabilised
 from atw_mcp.perception.constraints import Constraint, Exclusion, Seed
+from atw_mcp.perception.describing import describe
 from atw_mcp.perception.eye.bodies import Body
 from atw_mcp.perception.eye.likelihood import Scene
 from atw_mcp.perception.eye.pixels import features, filled
+from atw_mcp.perception.eye.regions import reduced
 from atw_mcp.perception.eye.seeds import word_map
 from atw_mcp.perception.import_images import standing_apart
 from atw_mcp.perception.known_scene import KnownScene
 from atw_mcp.perception.masks import Mask, RunLengthMask
 from atw_mcp.perception.observation import ObservationError, ObservedObject, Status
-from atw_mcp.perception.observe import describe, reduced
 from atw_mcp.perception.off_plane import OffPlane, has_place, in_image, lying, off_plane
 from atw_mcp.perception.places import places_of
 from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Progress
@@ -29,6 +30,8 @@ Floats = NDArray[np.float64]
 UNSURE = 0.35  # confidence below which a body is not in full view, and its frames are named
 LEAST = 8  # pixels of a mask
 FINER = 8  # parts of a pixel along each axis by which silhouettes are drawn
+ALIGNED_PIXELS = 230_000  # of a frame in which the camera's motion is measured: more make it no better
+RIM = 0.3  # radii around a silhouette in which a body's pixels are looked for: more is another body's
 PASSES = 6  # times that the eye goes through all frames: forward, backward, and its rounds
 WHITE = 80.0  # percentile of luminance that a bright background has
 LUMINANCE = np.array([0.114, 0.587, 0.299], np.float32)  # of BGR levels, as cv2.cvtColor weighs them
@@ -47,8 +50,8 @@ class Clip:
     @classmethod
     def of(cls, frames: Frames, stride: int, tick: Callable[[], None]) -> Clip:
         """Return a clip of every `stride`-th frame, freed of the camera's motion."""
-        small = reduced(frames)
-        motion = in_full_pixels(camera_motion(small, tick), frames.shape[2] / small.shape[2])
+        small, factor = reduced(frames, ALIGNED_PIXELS)
+        motion = in_full_pixels(camera_motion(small, tick), 1 / factor)
         steady = frames if motion is None else stabilised(frames, motion)
         return cls(frames, tuple(range(0, stride * len(frames), stride)), steady, motion)
 
@@ -203,32 +206,47 @@ def _in_box(clip: Clip, hint: eye.Seed) -> Mask:
 
 
 def _observed(clip: Clip, tracks: list[eye.Track], scene: Scene, constraints: Sequence[Constraint]) -> Followed:
-    """Objects of tracks: masks, in each frame's own pixels, and places of solids; warnings where they are unsure."""
+    """Objects of tracks, and warnings where they are unsure or not found."""
+    objects = described(clip, tracks, scene, constraints)
+    found = [t.body.name for t in tracks]
+    warnings = [
+        f"{name} was not found: give its centre, a circle or an outline in a frame that shows it"
+        for name in found
+        if name not in objects
+    ]
+    for track in tracks:
+        name = track.body.name
+        if name in objects:
+            warnings += doubts(clip, name, track, objects[name].confidence)
+    return Followed(objects, warnings)
+
+
+def described(
+    clip: Clip, tracks: list[eye.Track], scene: Scene, constraints: Sequence[Constraint]
+) -> dict[str, ObservedObject]:
+    """Objects of tracks that are seen: masks, in each frame's own pixels, and places of solids."""
     masks = _masks(clip, tracks, scene, constraints)
     apart = dict(zip(masks, standing_apart(list(masks.values())), strict=True)) if masks else {}
     white = float(np.percentile(clip.frames[0].astype(np.float32) @ LUMINANCE, WHITE))
     objects: dict[str, ObservedObject] = {}
-    warnings = []
     for track in tracks:
         name = track.body.name
         own = masks[name]
         made = describe(own, clip.frames, track.confidence.tolist(), apart[name], white)
         if made is None:
-            warnings.append(f"{name} was not found: give its centre, a circle or an outline in a frame that shows it")
             continue
         sure: Floats = np.where(made.area > 0, track.confidence, 0.0).round(4)
         status = tuple(_status(s, c) for s, c in zip(made.status, sure, strict=True))
         places = places_of(track, scene.settings.systematic) if isinstance(track.body, eye.Solid) else None
         objects[name] = replace(made, name=name, status=status, confidence=sure, places=places)
-        warnings += _doubts(clip, name, track, sure)
-    return Followed(objects, warnings)
+    return objects
 
 
 def _status(status: Status, sure: float) -> Status:
     return "occluded" if status == "visible" and sure < UNSURE else status
 
 
-def _doubts(clip: Clip, name: str, track: eye.Track, sure: Floats) -> list[str]:
+def doubts(clip: Clip, name: str, track: eye.Track, sure: Floats) -> list[str]:
     """Warnings of a track that breaks, or that its pixels do not show well."""
     cure = "look there and give its centre, a circle or an outline"
     found = []
@@ -259,15 +277,36 @@ def _masks(
                 taken |= mask
         seen = [i for i in range(len(tracks)) if np.isfinite(tracks[i].poses[k, 0])]
         made: dict[str, Mask] = {}
+        drawn = {i: _silhouette(scene, i, tracks[i].poses[k]) for i in seen}
         for i in sorted(seen, key=lambda i: tracks[i].body.depth(tracks[i].poses[k])):
             name = tracks[i].body.name
-            own = _silhouette(scene, i, tracks[i].poses[k])
+            body = tracks[i].body
+            own = _as_shown(scene, i, k, drawn) if isinstance(body, eye.Outline) and body.scales else drawn[i]
             made[name] = (own if clip.motion is None else as_filmed(own, clip.motion[k])) & ~taken
             taken |= made[name]
         for name, series in masks.items():
             found = given.get((name, k), made.get(name, np.zeros(shape, bool)))
             series.append(excluded(found, name, clip.numbers[k], constraints))
     return masks
+
+
+def _as_shown(scene: Scene, body: int, frame: int, drawn: dict[int, Mask]) -> Mask:
+    """Pixels (H, W) that show a body of unknown shape; near other bodies, whose mixtures are neither's, its silhouette.
+
+    A solid that comes nearer or rotates is no outline that moves in the image.
+    """
+    own = drawn[body]
+    found = eye.body_mask(scene, body, frame, RIM)
+    rows, columns = (slice(c, c + n) for c, n in zip(found.corner[::-1], found.mask.shape, strict=True))
+    others = np.zeros(found.mask.shape, np.uint8)
+    for i, mask in drawn.items():
+        if i != body:
+            others |= mask[rows, columns]
+    reach = 2 * int(2 * scene.settings.mixed_near) + 1
+    near = cv2.dilate(others, np.ones((reach, reach), np.uint8)) > 0 if others.size else others > 0
+    shown = own.copy()
+    shown[rows, columns] = np.where(near, own[rows, columns], found.mask)
+    return shown
 
 
 def excluded(mask: Mask, name: str, frame: int, constraints: Sequence[Constraint]) -> Mask:

@@ -15,7 +15,7 @@ from atw_mcp.perception.eye.bodies import Body
 from atw_mcp.perception.eye.colours import Colours, learn_colours
 from atw_mcp.perception.eye.follow import States, follow, refit, seeded
 from atw_mcp.perception.eye.likelihood import Scene
-from atw_mcp.perception.eye.order import order_outlines
+from atw_mcp.perception.eye.outlines import learn_shapes, order_outlines
 from atw_mcp.perception.eye.pixels import Array, Film, Floats, evenly_lit, features, filled, learn_background
 from atw_mcp.perception.eye.seeds import GREYS, Seed, hidden_places, seed_pose, word_map, word_places
 from atw_mcp.perception.eye.settings import EyeSettings
@@ -72,6 +72,7 @@ def observe(
     scene.poses[:] = np.nan
     states = follow(scene, held)
     for _ in range(settings.rounds):
+        learn_shapes(scene, states, held)
         _learn(scene, held)
         states = refit(scene, held)
         states = reassign(scene, states, held)
