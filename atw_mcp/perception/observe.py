@@ -11,10 +11,11 @@ import numpy as np
 
 from atw_mcp.perception import eye
 from atw_mcp.perception.camera_motion import as_filmed
+from atw_mcp.perception.clip import Clip
 from atw_mcp.perception.describing import describe
 from atw_mcp.perception.eye.colours import learn_colours
 from atw_mcp.perception.eye.pixels import features
-from atw_mcp.perception.follow_bodies import LUMINANCE, PASSES, WHITE, Clip, described, doubts
+from atw_mcp.perception.follow_bodies import LUMINANCE, PASSES, WHITE, described, doubts
 from atw_mcp.perception.masks import Mask
 from atw_mcp.perception.naming import matched_to_expected, names_for
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
