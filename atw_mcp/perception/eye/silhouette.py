@@ -32,15 +32,16 @@ def _pure_edges(
     prior of `reach` and that prior is then removed, so that a normal on which nothing is decided weighs nothing.
     """
     s = scene.settings
-    offsets = np.arange(-reach, reach + 0.5 * s.step, s.step)
+    pitch = max(s.step, reach / 8)
+    offsets = np.arange(-reach, reach + 0.5 * pitch, pitch)
     points = contour.points[:, None] + contour.normals[:, None] * offsets[:, None]
     odds, free = scene.log_odds(body, frame, pose, points.reshape(-1, 2))
     shape = points.shape[:2]
     odds, free = np.where(free, odds, 0.0).reshape(shape), free.reshape(shape)
     middle = len(offsets) // 2
     shown = free[:, max(middle - 2, 0) : middle + 3].all(axis=1)
-    logs = np.concatenate([np.zeros((shape[0], 1)), np.cumsum(odds * s.step, axis=1)], axis=1)
-    places = np.append(offsets - 0.5 * s.step, offsets[-1] + 0.5 * s.step)
+    logs = np.concatenate([np.zeros((shape[0], 1)), np.cumsum(odds * pitch, axis=1)], axis=1)
+    places = np.append(offsets - 0.5 * pitch, offsets[-1] + 0.5 * pitch)
     width = 0.7 * reach
     logs -= 0.5 * (places / width) ** 2
     weight = np.exp(logs - logs.max(axis=1, keepdims=True))
