@@ -73,7 +73,8 @@ class EyeSettings:
     gap: int = 4  # [frames] over which motion can be continued: without sight, before and after a meeting
     motion: float = 0.5  # [radii] standard deviation of a frame's change of displacement
     least_motion: float = 0.1  # [radii] of that at the least: errors of poses
-    rounds: int = 2  # of states, then colours
+    rounds: int = 2  # of states, then colours, at the most
+    settled: float = 0.1  # [px] by which poses still move when no further round is needed: a third of an edge's error
     hold: float = 0.3  # [radii] standard deviation of a seed: a centre given by eye
     hold_pixels: float = 2.0  # [px] at least: what is drawn by eye is no better
     turn: float = 0.15  # [rad] standard deviation of a frame's change of angle
