@@ -83,7 +83,7 @@ def observe(
 
 
 def _settled(scene: Scene, before: Floats) -> bool:
-    """Whether each body is seen in the frames in which it was, and nine of ten of its poses moved by next to nothing."""
+    """Whether each body is seen in the frames in which it was, and nine of ten poses moved by next to nothing."""
     for body, old, new in zip(scene.bodies, before, scene.poses, strict=True):
         seen = np.isfinite(new[:, 0])
         if (seen != np.isfinite(old[:, 0])).any():
