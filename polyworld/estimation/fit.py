@@ -192,7 +192,7 @@ class _Fit:
             runs.append(self._blocks(i, replace(run, tracks=own), rolling, cut))
         if not shared and not any(b.states.count for run in runs for b in run):
             raise ValueError("nothing to fit: no parameter shows in these tracks, or every one of them was fixed")
-        descent = self.settings.descent
+        descent = replace(self.settings.descent, alike=self._alike())
         if any(run.world.coupled for run in self.study.runs):
             descent = replace(descent, step=descent.wide)
         return Problem(runs, shared, descent)
@@ -233,7 +233,7 @@ class _Fit:
             cost_start=found.cost_start,
             misfit=minimum.misfit / max(count, 1),
             rolling=found.rolling,
-            others={f.rolling: f.minimum.cost for f in found.others},
+            others={f.rolling: f.evidence - found.evidence for f in found.others},
             effective=drawn[-1 if len(drawn) < 2 else 1][1].effective,
             rollouts=self.rollouts,
             seconds=0.0,
@@ -242,7 +242,7 @@ class _Fit:
 
     def _drawn(self, found: Found, sampling: SamplingSettings | None = None) -> Drawn:
         draws = sampling or (COSTLY if any(r.world.coupled for r in self.study.runs) else SamplingSettings())
-        return drawn_from(found, self.options.members, self.options.seed, replace(draws, alike=self._alike()))
+        return drawn_from(found, self.options.members, self.options.seed, draws)
 
     def _alike(self) -> float:
         """Return how many samples count as one, as far as noise does not hide what the model leaves."""
@@ -262,7 +262,8 @@ class _Fit:
                      if p.startswith("effects.") or p.rsplit(".", 2)[-2] not in STATE}  # fmt: skip
             coarse = with_values(_coarser(start, self.settings.descent.substep), given)
             readout, times = tracks_readout(coarse, shown, self.sigma[r]), sample_times(coarse, shown)
-            joint = refined(led, coarse, blocks, readout, times, found.minimum.point.states[r][0], self.settings)
+            descent = found.problem.settings
+            joint = refined(led, coarse, blocks, readout, times, found.minimum.point.states[r][0], descent)
         world = with_values(start, {path: float(v[0]) for path, v in joint.items()})
         prediction = held_out = None
         if early and cut is not None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.fit_settings import FitSettings
+from polyworld.estimation.fit_settings import DescentSettings
 from polyworld.estimation.least_squares import Point, Problem
 from polyworld.estimation.problem import Block, Readout
 from polyworld.estimation.unknown import Unknown, free_axes
@@ -80,7 +80,7 @@ def refined(
     readout: Readout,
     times: Array,
     at: Array,
-    settings: FitSettings,
+    settings: DescentSettings,
 ) -> dict[str, Array]:
     """Fit the first member's initial state and impulses to the whole run, with its constants as they are.
 
@@ -98,7 +98,7 @@ def refined(
                 far = abs(start) + FARTHEST * sd
                 unknowns.append(Unknown(path, (path,), "N s", start, -far, far, sd, prior=(start, sd)))
     whole = Block(blocks[0].name, world, times, readout, blocks[0].states)
-    problem = Problem([[whole]], unknowns, settings.descent)
+    problem = Problem([[whole]], unknowns, settings)
     found = problem.descend(Point(problem.start().shared, ((at,),)), 1.0).point
     best = whole.overrides(found.shared[None], found.states[0][0][None])
     return {path: np.concatenate([best.get(path, v[:1]), v[1:]]) for path, v in led.overrides.items()}
