@@ -65,7 +65,7 @@ def velocity_jump(times: Array, points: Array, row: int, settings: LinkSettings)
     are near on either side.
     """
     seen = np.flatnonzero(np.isfinite(points).all(axis=1))
-    left, right = seen[seen < row][-settings.window :], seen[seen > row][: settings.window]
+    left, right = seen[seen < row][-settings.window :], seen[seen >= row][: settings.window]
     if len(left) < FEWEST or len(right) < LAST:
         return 0.0
     both, centred = np.concatenate([left, right]), times - times[row]
@@ -83,7 +83,8 @@ def collisions(
 ) -> list[tuple[range, tuple[str, ...]]]:
     """Return rows of the first frames after the contacts of collisions of two bodies or more, and who takes part.
 
-    A collision is where two bodies come nearest, so near that they may touch, and the velocities of both jump.
+    A collision is where two bodies come nearest, so near that they may touch, and the velocities of both jump: before
+    the frame at which they are nearest, or after it.
     """
     bodies = [i for i, name in enumerate(tracks.names) if world.is_rigid(name)]
     times = tracks.moments * world.time.seconds_per_frame
@@ -94,10 +95,12 @@ def collisions(
         nearest = np.flatnonzero(apart <= minimum_filter1d(apart, 2 * settings.again + 1))
         for row in nearest.tolist():
             around, both = np.arange(max(row - 2, 0), min(row + 3, len(times))), (tracks.names[a], tracks.names[b])
-            jumps = [velocity_jump(times, points[:, i] / noise[i], row, settings) for i in (a, b)]
-            if min(jumps) > settings.gain and _near(world, tracks, noise, around, *both):
-                coming, leaving = (2.0 * apart[row + k] - apart[row + 2 * k] for k in (-1, 1))
-                cuts.append((row + int(abs(apart[row] - coming) < abs(apart[row] - leaving)), both))
+            if _near(world, tracks, noise, around, *both):
+                split = [[velocity_jump(times, points[:, i] / noise[i], r, settings) for i in (a, b)]
+                         for r in (row, row + 1)]  # fmt: skip
+                first = int(np.argmax(np.sum(split, axis=1)))
+                if min(split[first]) > settings.gain:
+                    cuts.append((row + first, both))
     found: list[tuple[range, tuple[str, ...]]] = []
     for row, who in sorted(cuts):
         last = found[-1] if found else None
