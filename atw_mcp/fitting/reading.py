@@ -72,9 +72,9 @@ def prediction_in_words(document: dict[str, Any]) -> str:
     errors = [
         body["error"] for body in prediction["bodies"] if body["error"] is not None and np.isfinite(body["error"])
     ]
-    spread = np.max([body["spread"] for body in prediction["bodies"]], axis=0)
+    spread = np.max([list(body["half_width80"].values()) for body in prediction["bodies"]], axis=0)
     said = (
-        f"predicts the frames from {prediction['frame']} on, left out at first, to {max(errors):.2g} m"
+        f"predicts the frames from {prediction['first_frame_left_out']} on, left out at first, to {max(errors):.2g} m"
         if errors
         else ""
     )
@@ -141,7 +141,9 @@ def open_questions(document: dict[str, Any]) -> tuple[list[dict[str, str]], int]
     ahead = (document["prediction"] or {"bodies": []})["bodies"]
     rows = []
     for name in names:
-        decides = [body["object"] for body in ahead if any(row["constant"] == name for row in body["decided_by"])]
+        decides = [
+            body["object"] for body in ahead if any(row["constant"] == name for row in body["decides_1_s_after"])
+        ]
         why = "the data say little about it: its value is the prior's"
         rows.append(
             {"object": name, "reason": why + (f", and it decides where {', '.join(decides)} goes" if decides else "")}

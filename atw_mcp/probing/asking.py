@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from atw_mcp.probing.ensemble_answers import query_answer
 from atw_mcp.probing.ensembles import Ensemble
-from atw_mcp.probing.prediction_errors import distance, travelled_since
+from atw_mcp.probing.prediction_errors import distance, happening, speeds, travelled_since
 from polyworld.estimation.accuracy import with_model_error
 from polyworld.probing.ensemble_statistics import decisive_split, relations, varying
 from polyworld.probing.predicates import Predicate, names_in
-from polyworld.probing.query import Aggregation, QueryResult, query
+from polyworld.probing.query import Aggregation, QueryResult, query, start_times
 from polyworld.trajectory import Rollout
 from polyworld.world import World
 
@@ -32,7 +32,9 @@ class _Asked(BaseModel):
     model_config = ConfigDict(extra="forbid")
     ask: str
     edits: list[dict[str, Any]] = Field(
-        default=[], max_length=32, description="as edits of Rollout, made before the start"
+        default=[],
+        max_length=32,
+        description="as edits of Rollout, made before the start; a list as factor or value: an answer for each number",
     )
 
 
@@ -44,9 +46,18 @@ class _Stated(_Asked):
 
 
 class Whether(_Stated):
-    """How probable it is that the statement holds at some time."""
+    """How probable it is that the statement holds at some time, or at one."""
 
     ask: Literal["whether"] = "whether"
+    at: float | None = Field(default=None, ge=0.0, description="time [s], instead of interval")
+
+    @model_validator(mode="after")
+    def _at_one_time(self) -> Self:
+        if self.at is not None:
+            if self.interval is not None:
+                raise ValueError("give at or interval")
+            self.interval = [self.at, self.at]
+        return self
 
 
 class When(_Stated):
@@ -131,7 +142,20 @@ class Asked:
             return f"{q.ask} {q.object}{' from' * bool(end)}{end} at {until if q.at is None else q.at:.4g} s"
         stated = " or ".join(_worded(s) for s in self.statements)
         interval = getattr(q, "interval", None)
-        return f"{q.ask} {stated}" + ("" if interval is None else f" in {interval[0]:.4g} to {interval[1]:.4g} s")
+        if interval is None:
+            return f"{q.ask} {stated}"
+        when = (
+            f"at {interval[0]:.4g} s" if interval[0] == interval[1] else f"in {interval[0]:.4g} to {interval[1]:.4g} s"
+        )
+        return f"{q.ask} {stated} {when}"
+
+    def enters(self, world: World) -> tuple[str, float] | None:
+        """Return the object that enters last, and when [s], where the time asked about begins before that."""
+        interval, starts = getattr(self.question, "interval", None), start_times(world)
+        late = max(self.names, key=lambda name: starts.get(name, 0.0))
+        if interval is None or not interval[0] < starts.get(late, 0.0) < interval[1]:
+            return None
+        return late, starts[late]
 
 
 def answered(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> dict[str, Any]:
@@ -152,6 +176,9 @@ def likely(values: Array) -> dict[str, Any]:
 def _query(asked: Asked, rollout: Rollout, world: World, statement: Predicate) -> QueryResult:
     interval = getattr(asked.question, "interval", None)
     span = None if interval is None else (float(interval[0]), float(interval[1]))
+    late = asked.enters(world)
+    if span is not None and late is not None:  # before it enters it can do nothing
+        span = (late[1], span[1])
     return query(rollout, world, statement, span, AGGREGATIONS.get(asked.question.ask, "first"))
 
 
@@ -163,7 +190,7 @@ def _stated(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> di
     (statement,), kind = asked.statements, asked.question.ask
     alone = _query(asked, best, world, statement)
     rows = _each(ensemble, lambda rollout, own: _query(asked, rollout, own, statement))
-    about = query_answer(ensemble, rows, AGGREGATIONS[kind], names_in(statement))
+    about = query_answer(ensemble, rows, AGGREGATIONS[kind], statement)
     found: dict[str, Any] = {"members": ensemble.size - about["unknown"], "unknown": about["unknown"]}
     found["best_fit"] = alone.value if alone.decided else None
     if "reason" in about:
@@ -178,7 +205,8 @@ def _stated(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> di
     if kind == "when":
         found |= {"never": float(1.0 - known.mean()), "decided_by": about.get("occurrence_decided_by")}
     if known.any():
-        found["value"] = likely(values[known])
+        values = values[known]
+        found["value"] = likely(happening(values, ensemble.fitted_until).ravel() if kind == "when" else values)
     return found
 
 
@@ -229,8 +257,14 @@ def _measured(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> 
     parameters = varying(ensemble.parameters, known)
     values = states[known]
     widest = int(np.argmax(np.ptp(np.percentile(values, (10, 90), axis=0), axis=0)))
-    found |= {"unit": UNITS[q.ask], "goes_with": [r.to_dict() for r in relations(parameters, values[:, widest])]}
-    spread = with_model_error(values, np.array([_reach(q, ensemble, int(i)) for i in known]))
+    if q.ask == "how_fast":
+        spread = np.stack([speeds(ensemble, int(i), q.object, _end(q, ensemble.rollouts[i])) for i in known], axis=1)
+        spread = spread.reshape(-1, 1)
+    else:
+        spread = with_model_error(values, np.array([_reach(q, ensemble, int(i)) for i in known]))
+    widths = [np.ptp(np.percentile(sample[:, widest], (10, 90))) for sample in (values, spread)]
+    part = float(widths[0] / max(widths[1], 1e-12)) ** 2
+    found |= {"unit": UNITS[q.ask], "goes_with": [r.to_dict() for r in relations(parameters, values[:, widest], part)]}
     if q.ask != "where":
         return found | {"value": likely(np.abs(spread[:, 0]))}
     found["place"] = {axis: likely(spread[:, i]) for i, axis in enumerate("xyz")}
@@ -248,7 +282,7 @@ def _state(q: Any, rollout: Rollout, world: World) -> Array:
     width = 3 if q.ask == "where" else 1
     if q.object not in trajectory.names or not len(trajectory.times):
         return np.full(width, np.nan)
-    time = float(trajectory.times[-1]) if q.at is None else q.at
+    time = _end(q, rollout)
     starts = {o.name: float(getattr(o, "start_time", 0.0)) for o in (*world.objects, *world.deformables)}
     begins = max(starts.get(name, 0.0) for name in (q.object, getattr(q, "to", None) or q.object))
     if not begins - 1e-9 <= time <= float(trajectory.times[-1]) + 1e-9:
@@ -268,19 +302,19 @@ def _state(q: Any, rollout: Rollout, world: World) -> Array:
     return np.array([np.linalg.norm(own - there)])
 
 
+def _end(q: Any, rollout: Rollout) -> float:
+    return float(rollout.trajectory.times[-1]) if q.at is None else float(q.at)
+
+
 def _reach(q: Any, ensemble: Ensemble, member: int) -> Array:
-    """Return with what a member's error goes: distances travelled by axis (3,) [m], their sum (1,), or the mean speed
-    since the last fitted frame (1,) [m/s]."""
+    """Return with what a member's error goes: distances travelled by axis (3,) [m], or their sum (1,)."""
     rollout, since = ensemble.rollouts[member], ensemble.fitted_until
-    end = max(float(rollout.trajectory.times[-1]) if q.at is None else q.at, since)
-    found: Array
+    end = max(_end(q, rollout), since)
     if q.ask == "where":
-        found = travelled_since(ensemble, member, q.object, np.array([end]))[0]
+        found: Array = travelled_since(ensemble, member, q.object, np.array([end]))[0]
         return found
     names = [name for name in (q.object, getattr(q, "to", None)) if name is not None]
-    far = distance(rollout, names, since, end)
-    found = np.array([far if q.ask == "how_far" else far / (end - since) if end > since else 0.0])
-    return found
+    return np.array([distance(rollout, names, since, end)])
 
 
 def _at(times: Array, values: Array, time: float) -> Array:

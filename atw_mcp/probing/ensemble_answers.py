@@ -25,6 +25,7 @@ from polyworld.probing.ensemble_statistics import (
     relations,
     varying,
 )
+from polyworld.probing.predicates import Predicate
 from polyworld.probing.query import Aggregation, QueryResult
 from polyworld.trajectory import Rollout
 from polyworld.world import World
@@ -36,9 +37,9 @@ PERCENT = f"{100 * LEVEL:.0f}%"
 
 
 def query_answer(
-    ensemble: Ensemble, results: Sequence[QueryResult], aggregation: Aggregation, names: Sequence[str]
+    ensemble: Ensemble, results: Sequence[QueryResult], aggregation: Aggregation, statement: Predicate
 ) -> dict[str, Any]:
-    """Return the probability or distribution of what the members answer to one query about the objects `names`."""
+    """Return the probability or distribution of what the members answer to one query."""
     decided = [i for i, result in enumerate(results) if result.decided]
     about: dict[str, Any] = {"members": ensemble.size, "unknown": ensemble.size - len(decided)}
     if not decided:
@@ -47,7 +48,8 @@ def query_answer(
     values = [results[i].value for i in decided]
     if aggregation in ("any", "all"):
         true = np.array([bool(value) for value in values])
-        about |= _probability(true, chances(ensemble, decided, [results[i] for i in decided], names), ensemble)
+        each = chances(ensemble, decided, [results[i] for i in decided], statement, aggregation == "all")
+        about |= _probability(true, each, ensemble)
         split = decisive_split(parameters, true)
         margins = np.array([_number(results[i].margin) for i in decided])
         about |= {
@@ -58,7 +60,9 @@ def query_answer(
         if known.any():
             unit = next(results[i].margin_unit for i in decided if results[i].margin is not None)
             about["margin"] = {"unit": unit, "known_in": int(known.sum()), **quantiles(margins[known])}
-            about["margin_goes_with"] = [r.to_dict() for r in relations(parameters, margins)]
+            mean = float(each.mean())
+            part = float(each.var()) / max(mean * (1.0 - mean), 1e-12)  # of the variance of true and false
+            about["margin_goes_with"] = [r.to_dict() for r in relations(parameters, margins, part)]
         return about
     numbers = np.array([_number(value) for value in values])
     known = np.isfinite(numbers)
@@ -102,20 +106,23 @@ def query_in_words(about: dict[str, Any], aggregation: Aggregation) -> str:
 
 
 def together(
-    ensemble: Ensemble, results: Sequence[Sequence[QueryResult]], names: Sequence[Sequence[str]]
+    ensemble: Ensemble, results: Sequence[Sequence[QueryResult]], statements: Sequence[Predicate], all_: bool = False
 ) -> dict[str, Any]:
     """Count members in which all, and any, of several statements hold; members where one is unknown are left out.
 
     Errors of prediction of one member are taken as independent from statement to statement.
 
-    names: of the objects that each statement is about.
+    all_: whether each is to hold throughout.
     """
     members = [i for i in range(ensemble.size) if all(row[i].decided for row in results)]
     if not members:
         return {"all": _none(), "any": _none()}
     table = np.array([[bool(row[i].value) for i in members] for row in results])
     each = np.array(
-        [chances(ensemble, members, [row[i] for i in members], own) for row, own in zip(results, names, strict=True)]
+        [
+            chances(ensemble, members, [row[i] for i in members], own, all_)
+            for row, own in zip(results, statements, strict=True)
+        ]
     )
     return {
         "all": _probability(np.logical_and.reduce(table), each.prod(axis=0), ensemble),

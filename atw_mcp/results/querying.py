@@ -55,7 +55,7 @@ class Grounds(Result):
     touches_within_m: float | None = Field(default=None, description="gap up to which a fluid touches [m]")
     closest_approach: Approach | None = None
     passes_at_s: dict[str, float | None] | None = Field(default=None, description="by object [s]; null: never")
-    comes_to_rest_at_s: dict[str, float | None] | None = Field(default=None, description="by object [s]; null: never")
+    comes_to_rest_at_s: list[float] | None = Field(default=None, description="[s]")
 
 
 class Split(Result):

@@ -41,6 +41,8 @@ EXAMPLE = {
     "edits": [{"action": "remove", "object": "green"}],
 }
 SHOWN_RELATIONS = 2  # in words: the strongest
+MOST = 32  # answers in one call
+SCANNED = ("factor", "value", "gravity_factor", "plane_friction")  # numbers of edits
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ def ask(
     questions: Annotated[
         list[One],
         Field(
-            description="each with what is asked and, for what would happen otherwise, edits. "
+            description="each with what is asked and, for what if, edits (a list as factor or value: an answer each). "
             + QUESTIONS["description"],
             min_length=1,
             max_length=16,
@@ -103,6 +105,13 @@ def ask(
     bases = tuple(bases[k] for k in order)
     base = bases[0]
     read: list[Asked] = []
+    questions = [
+        one for number, given in enumerate(questions, start=1) for one in _scanned(given, f"question {number}")
+    ]
+    if len(questions) > MOST:
+        raise ToolError(
+            f"{len(questions)} answers are asked for, with those of lists of numbers: ask for {MOST} at most"
+        )
     plans: dict[str, _Plan] = {}
     for number, given in enumerate(questions, start=1):
         what = f"question {number}"
@@ -164,6 +173,22 @@ def ask(
     )
 
 
+def _scanned(given: Any, what: str) -> list[Any]:
+    """Return a question once for each number of an edit that has a list of them."""
+    edits = given.get("edits") if isinstance(given, dict) else None
+    edits = edits if isinstance(edits, list) and all(isinstance(edit, dict) for edit in edits) else []
+    lists = [(i, name) for i, edit in enumerate(edits) for name in SCANNED if isinstance(edit.get(name), list)]
+    if len(lists) > 1:
+        raise ToolError(f"{what}: {' and '.join(name for _, name in lists)} are lists: scan one number at a time")
+    if not lists:
+        return [given]
+    ((which, name),) = lists
+    return [
+        given | {"edits": [*edits[:which], edits[which] | {name: value}, *edits[which + 1 :]]}
+        for value in edits[which][name]
+    ]
+
+
 def _read(
     app: App, case: Case, bases: tuple[World, ...], given: Any, what: str
 ) -> tuple[tuple[World, ...], tuple[dict[str, Any], ...], Asked]:
@@ -212,11 +237,18 @@ def _answer(
     """Answer one question and record it as evidence of its own."""
     about = answered(asked, ensemble, best, plan.worlds[0]) | ({} if alone is None else {"by_world": alone})
     samples = [lineage(app, case, world).sample for world in plan.worlds]
-    unseen = {name.removeprefix("objects.") for sample in samples for name in sample.document["from_bounds"]}
+    unseen = {name.removeprefix("objects.") for sample in samples for name in sample.document["from_prior"]}
     named = [about["decided_by"]["parameter"]] if about.get("decided_by") else []
     named += [row["parameter"] for row in about.get("goes_with") or []]
     row: dict[str, Any] = {"question": _with_edits(plan, asked.in_words(best.horizon))}
-    row |= {"answer": _in_words(about, named, unseen), "rollout": rollout, "edits": list(plan.edits) or None, **about}
+    late = asked.enters(plan.worlds[0])
+    since = "" if late is None else f"; from {late[1]:.4g} s on, when {late[0]} enters"
+    row |= {
+        "answer": _in_words(about, named, unseen) + since,
+        "rollout": rollout,
+        "edits": list(plan.edits) or None,
+        **about,
+    }
     row["from_prior"] = [name for name in dict.fromkeys(named) if name in unseen] or None
     row = {k: v for k, v in row.items() if k != "reason" and (k in ("best_fit", "unknown") or v not in (None, []))}
     record = app.store.evidence.add(
@@ -252,7 +284,11 @@ def _by_world(
 def _with_edits(plan: _Plan, question: str) -> str:
     if not plan.edits:
         return question
-    made = [" ".join(str(edit[k]) for k in ("action", "object", "name") if k in edit) for edit in plan.edits]
+    named = ("action", "object", "name", "path", *SCANNED)
+    made = [
+        " ".join(f"{k}={edit[k]:.4g}" if k in SCANNED else str(edit[k]) for k in named if edit.get(k) is not None)
+        for edit in plan.edits
+    ]
     return f"with {', '.join(made)}: {question}"
 
 

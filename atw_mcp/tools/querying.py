@@ -182,14 +182,14 @@ def _query_answer(
     for number, (statement, answer) in enumerate(zip(statements, answers, strict=True)):
         text, row = _answered(world, result, question, statement, answer)
         if ensemble is not None:
-            row["ensemble"] = query_answer(ensemble[0], ensemble[1][number], question.aggregation, names_in(statement))
+            row["ensemble"] = query_answer(ensemble[0], ensemble[1][number], question.aggregation, statement)
             text += f". Of the ensemble: {query_in_words(row['ensemble'], question.aggregation)}"
             text += _against_the_best(row)
         texts.append(text)
         rows.append(row)
     data: dict[str, Any] = rows[0] if len(rows) == 1 else {"answers": rows}
     if len(rows) > 1 and ensemble is not None and question.aggregation in ("any", "all"):
-        data["together"] = together(*ensemble, [names_in(statement) for statement in statements])
+        data["together"] = together(*ensemble, statements, question.aggregation == "all")
         texts.append(f"all of them hold in {data['together']['all']['true']} members")
     covered = [answer.covered for answer in answers if answer.covered is not None]
     return Answer(

@@ -15,6 +15,7 @@ from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.fitted import FittedRun
 from polyworld.estimation.readout import tracks_readout
 from polyworld.estimation.unknown import Unknown
+from polyworld.probing.predicates import Collides
 from polyworld.probing.query import QueryResult
 from tests.polyworld.estimation.closed_form import ClosedForm, observe, thrown_ball
 from tests.polyworld.synthetic import of_one
@@ -103,7 +104,7 @@ def test_a_body_off_by_more_than_contacts_bear_makes_answers_less_sure() -> None
     none: tuple[()] = ()
     for chance, expected in ((0.0, 1.0), (0.35, 0.825)):
         members = Ensemble(worlds=none, rollouts=none, parameters={}, units={}, wrong=chance, why=why)
-        about = query_answer(replace(members, worlds=(thrown_ball(),) * 40), [true] * 40, "any", ())
+        about = query_answer(replace(members, worlds=(thrown_ball(),) * 40), [true] * 40, "any", Collides(a="ball"))
         assert (about["true"], about["probability"]) == (40, pytest.approx(expected))
         assert about["probability_interval"][1] == pytest.approx(expected)
         assert ("no surer because" in query_in_words(about, "any")) == (chance > 0.0)

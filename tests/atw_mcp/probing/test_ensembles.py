@@ -58,8 +58,8 @@ def rollout(session: Session) -> str:
 
 
 def test_what_was_fitted_says_what_the_sample_draws_from_priors(fit: dict[str, Any]) -> None:
-    assert "block.restitution" in fit["data"]["ensemble"]["from_prior"]
-    assert "block.friction" not in fit["data"]["ensemble"]["from_prior"]
+    assert "restitution of block" in fit["data"]["ensemble"]["from_prior"]
+    assert "friction of block" not in fit["data"]["ensemble"]["from_prior"]
 
 
 def test_a_line_far_ahead_and_one_far_behind_are_certain_and_one_at_the_stop_is_not(
@@ -105,7 +105,7 @@ def test_the_answer_names_what_decides_it_and_how_narrow_it_is(session: Session)
     about = answer["data"]["ensemble"]
     assert about["true"] + about["false"] == 40
     assert about["probability"] == pytest.approx(0.5, abs=0.1)
-    assert about["decided_by"]["parameter"] == "block.friction"
+    assert about["decided_by"]["parameter"] == "friction of block"
     assert about["decided_by"]["true_where"] == "below"
     assert about["decided_by"]["threshold"] == pytest.approx(
         1.0 / (2.0 * 9.81 * median), rel=0.15
@@ -147,7 +147,7 @@ def test_several_predicates_are_answered_in_one_call(session: Session, rollout: 
     asked = [
         beyond(stop),
         {"predicate": "moved_by_more_than", "object": "block", "distance": 0.5 * stop},
-        {"predicate": "comes_to_rest_before", "a": "block", "time": 1.9},
+        {"predicate": "comes_to_rest", "object": "block"},
         {"predicate": "within_distance", "a": "block", "place": [0.0, 0.0, 0.05], "distance": 0.1},
     ]
     answer = session("QueryWorld", rollout=rollout, predicates=asked, ensemble=40)
@@ -229,7 +229,7 @@ def test_a_world_that_was_never_fitted_is_refused_with_what_to_do(tmp_path: Path
         ({}, "give predicate, or predicates"),
         ({"predicate": beyond(0.1), "predicates": [beyond(0.2)]}, "give predicate, or predicates"),
         ({"predicates": [beyond(0.1), {"predicate": "within_distance", "a": "block", "distance": 1}]}, "predicate 2: "),
-        ({"predicate": {"predicate": "comes_to_rest_before", "a": "block"}}, "give time or b"),
+        ({"predicate": {"predicate": "comes_to_rest", "object": "block"}, "aggregation": "all"}, "any, first, last"),
     ],
 )
 def test_refusals_say_what_to_give(session: Session, rollout: str, arguments: dict[str, Any], complaint: str) -> None:
