@@ -8,13 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from atw_mcp.perception.body_masks import excluded
+from atw_mcp.perception.clip import Clip
 from atw_mcp.perception.constraints import Constraint, Exclusion, Rest, Seed, SeedKind, ordered
 from atw_mcp.perception.corrections import Correction, Exclude, Outline, Place, Stay
-from atw_mcp.perception.follow_bodies import LUMINANCE, WHITE, Clip, Followed, excluded, follow_bodies
+from atw_mcp.perception.describing import describe
+from atw_mcp.perception.follow_bodies import LUMINANCE, WHITE, Followed, follow_bodies
 from atw_mcp.perception.import_images import standing_apart
 from atw_mcp.perception.masks import Mask, RunLengthMask
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
-from atw_mcp.perception.observe import describe
 from atw_mcp.perception.track_edits import TrackEdits
 from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Progress, load
 from polyworld.world.camera import Camera
@@ -65,11 +67,12 @@ def correct(
         followed = follow_bodies(clip, constraints, edits.scene, progress, cancelled)
     objects = _objects(edits, frames, constraints, followed, again=again and seeded)
     names = {o.name for o in objects}
+    gone = [n for n, own in edits.masks.items() if not (n in names or edits.seeded(n)) and any(m.any() for m in own)]
     return replace(
         observation,
         objects=tuple(objects),
         constraints=tuple(c for c in constraints if c.object is None or c.object in names),
-        warnings=(*observation.warnings, *edits.notes),
+        warnings=(*observation.warnings, *edits.notes, *[_taken(name, followed) for name in gone]),
         notes=tuple(followed.warnings) if again else observation.notes,
         scene=edits.scene,
     )
@@ -242,6 +245,12 @@ def _lies_in(seed: Seed, region: Mask) -> bool:
     column, row = flat.mean(axis=0).round().astype(int)
     inside = 0 <= row < region.shape[0] and 0 <= column < region.shape[1]
     return bool(inside and region[row, column])
+
+
+def _taken(name: str, followed: Followed) -> str:
+    return f"{name} is no longer an object: its pixels are " + " or ".join(
+        ["excluded", *[f"now of {other}" for other in followed.objects]]
+    )
 
 
 def _equal(masks: list[Mask], others: list[Mask]) -> bool:

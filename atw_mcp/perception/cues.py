@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.perception.background import Mask
+from atw_mcp.perception.masks import Mask
+from atw_mcp.perception.masks import solidity as solidity_of
 from atw_mcp.perception.observation import Cue
-from atw_mcp.perception.partition import solidity as solidity_of
 from atw_mcp.perception.video import Frames
 
 Floats = NDArray[np.float64]

@@ -2,72 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from atw_mcp.perception import eye
-from atw_mcp.perception.camera_motion import as_filmed, as_stabilised, camera_motion, in_full_pixels, stabilised
-from atw_mcp.perception.constraints import Constraint, Exclusion, Seed
+from atw_mcp.perception.body_masks import LEAST_PIXELS, masks_of
+from atw_mcp.perception.camera_motion import as_stabilised
+from atw_mcp.perception.clip import Clip, Floats
+from atw_mcp.perception.constraints import Constraint, Seed
+from atw_mcp.perception.describing import describe
 from atw_mcp.perception.eye.bodies import Body
 from atw_mcp.perception.eye.likelihood import Scene
-from atw_mcp.perception.eye.pixels import features, filled
+from atw_mcp.perception.eye.pixels import features
 from atw_mcp.perception.eye.seeds import word_map
 from atw_mcp.perception.import_images import standing_apart
 from atw_mcp.perception.known_scene import KnownScene
 from atw_mcp.perception.masks import Mask, RunLengthMask
 from atw_mcp.perception.observation import ObservationError, ObservedObject, Status
-from atw_mcp.perception.observe import describe, reduced
 from atw_mcp.perception.off_plane import OffPlane, has_place, in_image, lying, off_plane
 from atw_mcp.perception.places import places_of
-from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Progress
+from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
 
-Floats = NDArray[np.float64]
 UNSURE = 0.35  # confidence below which a body is not in full view, and its frames are named
-LEAST = 8  # pixels of a mask
-FINER = 8  # parts of a pixel along each axis by which silhouettes are drawn
 PASSES = 6  # times that the eye goes through all frames: forward, backward, and its rounds
 WHITE = 80.0  # percentile of luminance that a bright background has
 LUMINANCE = np.array([0.114, 0.587, 0.299], np.float32)  # of BGR levels, as cv2.cvtColor weighs them
-
-
-@dataclass(frozen=True)
-class Clip:
-    """Frames (T, H, W, 3) of a video and their numbers in it; steady: as the first frame's camera would have seen them;
-    motion (T, 2, 3): of the camera in full pixels, None where it stands still."""
-
-    frames: Frames
-    numbers: tuple[int, ...]
-    steady: Frames
-    motion: Floats | None
-
-    @classmethod
-    def of(cls, frames: Frames, stride: int, tick: Callable[[], None]) -> Clip:
-        """Return a clip of every `stride`-th frame, freed of the camera's motion."""
-        small = reduced(frames)
-        motion = in_full_pixels(camera_motion(small, tick), frames.shape[2] / small.shape[2])
-        steady = frames if motion is None else stabilised(frames, motion)
-        return cls(frames, tuple(range(0, stride * len(frames), stride)), steady, motion)
-
-    def row(self, frame: int) -> int:
-        """Row of a frame number; raises ObservationError naming frames that are looked at."""
-        if frame in self.numbers:
-            return self.numbers.index(frame)
-        near = sorted(self.numbers, key=lambda n: abs(n - frame))[:2]
-        raise ObservationError(
-            f"frame {frame} is not looked at (frames {self.numbers[0]}..{self.numbers[-1]}): give one that is, such as "
-            + " or ".join(map(str, sorted(near)))
-        )
-
-    def steadied(self, points: Floats, row: int) -> Floats:
-        """Return points (N, 2) [px] of a row's frame as they lie in the steady one."""
-        if self.motion is None:
-            return points
-        turn, shift = self.motion[row, :, :2], self.motion[row, :, 2]
-        return np.asarray((points - shift) @ np.linalg.inv(turn).T)
 
 
 @dataclass(frozen=True)
@@ -192,7 +154,7 @@ def _in_box(clip: Clip, hint: eye.Seed) -> Mask:
         cv2.GC_INIT_WITH_RECT,
     )
     own = (labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)
-    if own.sum() < max(LEAST, 0.1 * across * down):
+    if own.sum() < max(LEAST_PIXELS, 0.1 * across * down):
         raise ObservationError(
             f"{hint.body}: nothing in its box of frame {clip.numbers[hint.frame]} stands out from around it: give an "
             "outline or a circle"
@@ -203,32 +165,47 @@ def _in_box(clip: Clip, hint: eye.Seed) -> Mask:
 
 
 def _observed(clip: Clip, tracks: list[eye.Track], scene: Scene, constraints: Sequence[Constraint]) -> Followed:
-    """Objects of tracks: masks, in each frame's own pixels, and places of solids; warnings where they are unsure."""
-    masks = _masks(clip, tracks, scene, constraints)
+    """Objects of tracks, and warnings where they are unsure or not found."""
+    objects = described(clip, tracks, scene, constraints)
+    found = [t.body.name for t in tracks]
+    warnings = [
+        f"{name} was not found: give its centre, a circle or an outline in a frame that shows it"
+        for name in found
+        if name not in objects
+    ]
+    for track in tracks:
+        name = track.body.name
+        if name in objects:
+            warnings += doubts(clip, name, track, objects[name].confidence)
+    return Followed(objects, warnings)
+
+
+def described(
+    clip: Clip, tracks: list[eye.Track], scene: Scene, constraints: Sequence[Constraint]
+) -> dict[str, ObservedObject]:
+    """Objects of tracks that are seen: masks, in each frame's own pixels, and places of solids."""
+    masks = masks_of(clip, tracks, scene, constraints)
     apart = dict(zip(masks, standing_apart(list(masks.values())), strict=True)) if masks else {}
     white = float(np.percentile(clip.frames[0].astype(np.float32) @ LUMINANCE, WHITE))
     objects: dict[str, ObservedObject] = {}
-    warnings = []
     for track in tracks:
         name = track.body.name
         own = masks[name]
         made = describe(own, clip.frames, track.confidence.tolist(), apart[name], white)
         if made is None:
-            warnings.append(f"{name} was not found: give its centre, a circle or an outline in a frame that shows it")
             continue
         sure: Floats = np.where(made.area > 0, track.confidence, 0.0).round(4)
         status = tuple(_status(s, c) for s, c in zip(made.status, sure, strict=True))
         places = places_of(track, scene.settings.systematic) if isinstance(track.body, eye.Solid) else None
         objects[name] = replace(made, name=name, status=status, confidence=sure, places=places)
-        warnings += _doubts(clip, name, track, sure)
-    return Followed(objects, warnings)
+    return objects
 
 
 def _status(status: Status, sure: float) -> Status:
     return "occluded" if status == "visible" and sure < UNSURE else status
 
 
-def _doubts(clip: Clip, name: str, track: eye.Track, sure: Floats) -> list[str]:
+def doubts(clip: Clip, name: str, track: eye.Track, sure: Floats) -> list[str]:
     """Warnings of a track that breaks, or that its pixels do not show well."""
     cure = "look there and give its centre, a circle or an outline"
     found = []
@@ -239,58 +216,6 @@ def _doubts(clip: Clip, name: str, track: eye.Track, sure: Floats) -> list[str]:
         first, last = clip.numbers[unsure[0]], clip.numbers[unsure[-1]]
         found.append(f"{name} is unsure in {len(unsure)} of frames {first}..{last}: {cure}")
     return found
-
-
-def _masks(
-    clip: Clip, tracks: list[eye.Track], scene: Scene, constraints: Sequence[Constraint]
-) -> dict[str, list[Mask]]:
-    """Masks (T) of each track that share no pixel, the nearest first; those given are taken as they are."""
-    shape = clip.frames.shape[1:3]
-    given = {
-        (c.object, clip.row(c.frame)): c.value.decode()
-        for c in constraints
-        if isinstance(c, Seed) and isinstance(c.value, RunLengthMask) and c.frame is not None
-    }
-    masks: dict[str, list[Mask]] = {t.body.name: [] for t in tracks}
-    for k in range(len(clip.numbers)):
-        taken = np.zeros(shape, bool)
-        for (_, row), mask in given.items():
-            if row == k:
-                taken |= mask
-        seen = [i for i in range(len(tracks)) if np.isfinite(tracks[i].poses[k, 0])]
-        made: dict[str, Mask] = {}
-        for i in sorted(seen, key=lambda i: tracks[i].body.depth(tracks[i].poses[k])):
-            name = tracks[i].body.name
-            own = _silhouette(scene, i, tracks[i].poses[k])
-            made[name] = (own if clip.motion is None else as_filmed(own, clip.motion[k])) & ~taken
-            taken |= made[name]
-        for name, series in masks.items():
-            found = given.get((name, k), made.get(name, np.zeros(shape, bool)))
-            series.append(excluded(found, name, clip.numbers[k], constraints))
-    return masks
-
-
-def excluded(mask: Mask, name: str, frame: int, constraints: Sequence[Constraint]) -> Mask:
-    """Return a mask of an object in a frame without what was said not to be the object's."""
-    for c in constraints:
-        if isinstance(c, Exclusion) and c.object in (None, name) and c.first <= frame <= c.last:
-            mask = np.zeros_like(mask) if c.mask is None else mask & ~c.mask.decode()
-    return mask if mask.sum() >= LEAST else np.zeros_like(mask)
-
-
-def _silhouette(scene: Scene, body: int, pose: Floats) -> Mask:
-    """Pixels (H, W) of a body's silhouette in a steady frame that nothing fixed hides."""
-    shape, mask = scene.bodies[body], np.zeros((scene.film.height, scene.film.width), bool)
-    (u, v), (width, height) = scene.window(body, pose, 1.0)
-    if min(width, height) < 1:
-        return mask
-    # Filling covers every pixel that an edge touches: of finer ones that is little.
-    finer = (shape.polygon(pose) - [u, v] + 0.5) * FINER - 0.5
-    share = filled(finer, (0, 0), (width * FINER, height * FINER)).astype(np.float32)
-    mask[v : v + height, u : u + width] = cv2.resize(share, (width, height), interpolation=cv2.INTER_AREA) > 0.5
-    if scene.hiding is None or not isinstance(shape, eye.Solid):
-        return mask
-    return np.asarray(mask & (scene.hiding > shape.depth(pose)))
 
 
 def first_frame_showing(clip: Clip, word: str, pixel: tuple[float, float], settings: eye.EyeSettings) -> int | None:

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from atw_mcp.perception.calibration import CalibrationError, calibrate_from_homography
+from atw_mcp.perception.describing import describe
 from atw_mcp.perception.import_files import ImportDataError, read_arrays, read_json
 from atw_mcp.perception.masks import Mask, MaskError, RunLengthMask
 from atw_mcp.perception.naming import slug, unique
 from atw_mcp.perception.observation import ImageObservation
-from atw_mcp.perception.observe import describe
 from atw_mcp.perception.video import Frames, existing_file, load
 from polyworld.world.camera import Camera
 

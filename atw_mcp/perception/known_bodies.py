@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from atw_mcp.perception.clip import Clip
 from atw_mcp.perception.colour_words import colour_word
 from atw_mcp.perception.constraints import Seed
 from atw_mcp.perception.eye import EyeSettings
-from atw_mcp.perception.follow_bodies import Clip, first_frame_showing, follow_bodies
+from atw_mcp.perception.follow_bodies import first_frame_showing, follow_bodies
 from atw_mcp.perception.known_scene import KnownScene
 from atw_mcp.perception.observation import ImageObservation, ObservationError
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress, load

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Self
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -116,3 +117,16 @@ def expand_counts(text: str) -> tuple[int, ...]:
             raise MaskError(f"compressed counts hold a negative run at character {position}")
         counts.append(value)
     return tuple(counts)
+
+
+def touches_border(mask: Mask) -> bool:
+    """Check whether a mask of the whole image reaches the image's border."""
+    return bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
+
+
+def solidity(mask: Mask) -> float:
+    """Area of a mask's largest part over that of its convex hull."""
+    contours, _ = cv2.findContours(np.pad(mask, 1).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    largest = max(contours, key=cv2.contourArea)
+    hull = cv2.contourArea(cv2.convexHull(largest))
+    return float(cv2.contourArea(largest) / hull) if hull > 0 else 1.0

@@ -207,13 +207,14 @@ class Outline:
     def _size(self) -> float:
         return float(np.sqrt(abs(_area(self.shape)) / np.pi))
 
-    def _rotation(self, pose: Floats) -> Floats:
+    def rotation(self, pose: Floats) -> Floats:
+        """Matrix (2, 2) from the shape to the image."""
         cosine, sine = np.cos(pose[2]), np.sin(pose[2])
         return np.array([[cosine, -sine], [sine, cosine]])
 
     def polygon(self, pose: Floats) -> Floats:
         """Silhouette (V, 2) [px]."""
-        return np.asarray(np.exp(pose[3]) * self.shape @ self._rotation(pose).T + pose[:2])
+        return np.asarray(np.exp(pose[3]) * self.shape @ self.rotation(pose).T + pose[:2])
 
     def contour(self, pose: Floats, most: int) -> Contour:
         """Points of the silhouette with their rates."""
@@ -243,7 +244,7 @@ class Outline:
     def local(self, pose: Floats, points: Floats) -> Floats:
         """Places (..., 2) on the body, its silhouette within -1..1."""
         reach = float(np.abs(self.shape).max()) * np.exp(pose[3])
-        return np.asarray((points - pose[:2]) @ self._rotation(pose) / reach)
+        return np.asarray((points - pose[:2]) @ self.rotation(pose) / reach)
 
     def angles(self) -> list[float]:
         """Angles from which a search begins."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -133,25 +134,24 @@ def seeded(scene: Scene, body: int, frame: int, pose: Floats) -> State:
 def refit(scene: Scene, seeds: list[dict[int, Floats]]) -> list[States]:
     """Refine every body in every frame with all others where they are, the nearest first; seeds hold.
 
-    Frames are taken outward from the seeds. Starts are a body's own pose, the continuation of the frames between it and
-    the nearest seed, and the middle of both its neighbours: what went wrong far from a seed does not spread towards it.
+    Frames are taken outward from a body's own seeds. Starts are a body's own pose, the continuation of the frames
+    between it and the nearest seed, else that beyond, and the middle of both its neighbours: what went wrong far from a
+    seed does not spread towards it.
     """
     found: list[States] = [{} for _ in scene.bodies]
-    held = sorted({k for own in seeds for k in own}) or [0]
-    for k in sorted(range(scene.film.count), key=lambda k: min(abs(k - m) for m in held)):
-        scene.tick()
-        seen = [i for i in range(len(scene.bodies)) if np.isfinite(scene.poses[i, k, 0])]
-        hidden = [i for i in range(len(scene.bodies)) if i not in seen]
-        for i in sorted(seen, key=lambda i: scene.bodies[i].depth(scene.poses[i, k])) + hidden:
-            if k in seeds[i]:
-                state: State | None = seeded(scene, i, k, seeds[i][k])
-            else:
-                state = _again(scene, i, k, seeds[i])
-            if state is None or (k not in seeds[i] and not present(scene, i, state)):
-                scene.poses[i, k] = np.nan
-                continue
-            scene.poses[i, k] = state.fit.pose
-            found[i][k] = state
+    behind = np.array([[b.depth(p) for p in own] for b, own in zip(scene.bodies, scene.poses, strict=True)])
+    behind = np.where(np.isfinite(scene.poses[..., 0]), behind, np.inf)
+    far = [[min((abs(k - m) for m in own), default=0) for k in range(scene.film.count)] for own in seeds]
+    pairs = itertools.product(range(len(scene.bodies)), range(scene.film.count))
+    for i, k in sorted(pairs, key=lambda pair: (far[pair[0]][pair[1]], behind[pair])):
+        if i == 0:
+            scene.tick()
+        state = seeded(scene, i, k, seeds[i][k]) if k in seeds[i] else _again(scene, i, k, seeds[i])
+        if state is None or (k not in seeds[i] and not present(scene, i, state)):
+            scene.poses[i, k] = np.nan
+            continue
+        scene.poses[i, k] = state.fit.pose
+        found[i][k] = state
     for i, states in enumerate(found):
         if states:
             scene.usual[i] = np.median([state.contrast for state in states.values()])
@@ -164,11 +164,13 @@ def _again(scene: Scene, body: int, frame: int, seeds: dict[int, Floats]) -> Sta
     known = np.isfinite(poses[:, 0])
     starts = [poses[frame]] if known[frame] else []
     nearest = min(seeds, key=lambda k: abs(k - frame), default=None)
-    sides = [-1, 1] if nearest is None else [1 if nearest > frame else -1]
-    for side in sides:
+    towards = 1 if nearest is None or nearest > frame else -1
+    courses: list[Floats] = []
+    for side in (towards, -towards):
         a, b = frame + side, frame + 2 * side
-        if 0 <= a < count and 0 <= b < count and known[a] and known[b]:
-            starts.append(2 * poses[a] - poses[b])
+        if (nearest is None or not courses) and 0 <= a < count and 0 <= b < count and known[a] and known[b]:
+            courses.append(2 * poses[a] - poses[b])
+    starts += courses
     if 0 < frame < count - 1 and known[frame - 1] and known[frame + 1]:
         starts.append((poses[frame - 1] + poses[frame + 1]) / 2)
     starts = [pose for pose in starts if in_view(scene, body, pose)]
@@ -180,13 +182,13 @@ def _again(scene: Scene, body: int, frame: int, seeds: dict[int, Floats]) -> Sta
     course = starts[-1] if len(starts) > 1 else None
     prior = motion_prior(scene, body)
     states = [
-        state_at(scene, body, frame, p, prior, coarse=2 if p is starts[0] and known[frame] else 1)
+        state_at(scene, body, frame, p, prior, coarse=4 if p is starts[0] and known[frame] else 1)
         for p in [starts[0], *far]
     ]
     spread = _bends(scene, body) if len(starts) > 1 else None
     best = max(states, key=lambda s: score(scene, body, s, course, spread))
     if not present(scene, body, best):
-        return best
+        return _searched(scene, body, frame)
     options = [best, *competitors(scene, body, frame, best)]
     scores = np.array([score(scene, body, s, course, spread) for s in options])
     most = int(np.argmax(scores))

@@ -64,7 +64,33 @@ def body_mask(scene: Scene, body: int, frame: int, margin: float = 0.5) -> BodyM
             break
     _, parts = cv2.connectedComponents((probability > 0.5).astype(np.uint8), connectivity=4)
     own = np.unique(parts[filled(shape.polygon(pose), corner, size)])
-    return BodyMask(corner, probability, np.isin(parts, own[own > 0]))
+    mask = np.isin(parts, own[own > 0])
+    rows, columns = slice(corner[1], corner[1] + size[1]), slice(corner[0], corner[0] + size[0])
+    levels = scene.film.frames[frame, rows, columns].astype(np.float32)
+    mask = at_half_light(levels, mask, free.reshape(mask.shape), scene.settings.mixed_near)
+    return BodyMask(corner, probability, mask)
+
+
+def at_half_light(levels: Array, mask: Mask, free: Mask, near: float) -> Mask:
+    """Mask (h, w) whose rim is where levels (h, w, 3) are nearer to those well inside than to those well outside.
+
+    Pixels on an edge are mixtures, which pure colours take for the side whose colours vary more. near: [px] within
+    which they are mixed. Pixels that are not free, and rims with nothing pure on either side, stay as they are.
+    """
+    size = 2 * int(np.ceil(near)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    own = mask.astype(np.uint8)
+    inside, outside = cv2.erode(own, disc) > 0, (cv2.dilate(own, disc) == 0) & free
+    rim = free & ~inside & (cv2.dilate(own, disc) > 0)
+    means, weights = [], []
+    for side in (inside, outside):
+        weight = cv2.GaussianBlur(side.astype(np.float32), (0, 0), near)
+        total = cv2.GaussianBlur(np.where(side[..., None], levels, np.float32(0)), (0, 0), near)
+        means.append(total / np.maximum(weight, 1e-6)[..., None])
+        weights.append(weight)
+    apart = [((levels - mean) ** 2).sum(axis=-1) for mean in means]
+    decided = rim & (np.minimum(*weights) > 1e-3)
+    return np.asarray(np.where(decided, apart[0] < apart[1], mask))
 
 
 def _sigmoid(odds: Array) -> Array:

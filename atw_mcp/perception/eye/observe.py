@@ -15,7 +15,7 @@ from atw_mcp.perception.eye.bodies import Body
 from atw_mcp.perception.eye.colours import Colours, learn_colours
 from atw_mcp.perception.eye.follow import States, follow, refit, seeded
 from atw_mcp.perception.eye.likelihood import Scene
-from atw_mcp.perception.eye.order import order_outlines
+from atw_mcp.perception.eye.outlines import learn_shapes, order_outlines
 from atw_mcp.perception.eye.pixels import Array, Film, Floats, evenly_lit, features, filled, learn_background
 from atw_mcp.perception.eye.seeds import GREYS, Seed, hidden_places, seed_pose, word_map, word_places
 from atw_mcp.perception.eye.settings import EyeSettings
@@ -72,6 +72,7 @@ def observe(
     scene.poses[:] = np.nan
     states = follow(scene, held)
     for _ in range(settings.rounds):
+        learn_shapes(scene, states, held)
         _learn(scene, held)
         states = refit(scene, held)
         states = reassign(scene, states, held)
@@ -135,12 +136,17 @@ def _alike(scene: Scene) -> NDArray[np.bool_]:
     film_colours = learn_colours(usual, np.zeros((len(usual), 2)), s)
     if film_colours is None or not len(rows):
         return covered
-    values = features(frames[:, rows, columns].astype(np.float32), s)
-    alike = np.zeros(values.shape[:2], bool)
+    levels = frames[:, rows, columns].astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
+    table = np.zeros(1 << 24, bool)  # many pixels have the same levels
+    table[levels] = True
+    shown = np.flatnonzero(table)
+    values = features(np.stack([shown >> 16, shown >> 8 & 255, shown & 255], axis=-1).astype(np.float32), s)
+    rare = np.zeros(len(shown), bool)
     for colours in scene.colours:
         if colours is not None:
-            for row, own in enumerate(values):
-                alike[row] |= colours.log_density(own) - film_colours.log_density(own) > s.rare
+            rare |= colours.log_density(values) - film_colours.log_density(values) > s.rare
+    table[shown] = rare
+    alike = table[levels]
     alike[:, alike.all(axis=0)] = False
     covered[:, rows, columns] = alike
     return covered

@@ -82,6 +82,20 @@ class EyeSettings:
     # masks
     smooth: float = 1.2  # [nats] price of a pair of neighbours of different states
 
+    # discovery
+    discovery_pixels: float = 130_000.0  # of a frame at the most: smaller bodies than 4 px of 1080p are not proposed
+    differs: float = 5.0  # [standard deviations] from the background of a pixel that is not
+    least_region: int = 12  # [px] of a region: smaller ones are noise of coding
+    persistence: float = 0.25  # correlation of displacements of following frames: 1 of smooth motion, -0.5 of noise
+    link: float = 2.0  # of unlikeness from frame to frame, to which distance, size and colour add about 1 each
+    growing: float = 0.25  # [log] change of area of what is no rigid body; twice it in a frame: a merger
+    hollow: float = 0.75  # share of its convex hull below which a region is no one rigid body
+    shadow_reach: float = 10.0  # [radii] from a body to its shadow: low light, a high throw
+    surroundings: float = 0.4  # of the picture's smaller side, over which a body at rest is rare: twice its diameter
+    largest_standing: float = 0.05  # of the picture: what is larger is taken for ground or furniture
+    sharp_edge: float = 0.15  # [feature] across the outline of a body at rest: pools of light and vignettes are softer
+    pattern: int = 6  # like regions at rest: more are tiles of the ground
+
     # assignment
     meeting: float = 1.2  # [sums of radii] between look-alikes below which they may be exchanged
     orders: int = 48  # best assignments kept from one meeting to the next

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from atw_mcp.perception.eye.bodies import Contour
+from atw_mcp.perception.eye.bodies import Contour, Outline
 from atw_mcp.perception.eye.likelihood import Scene
 from atw_mcp.perception.eye.pixels import Array, Floats, features, sampled
 
@@ -15,15 +15,12 @@ from atw_mcp.perception.eye.pixels import Array, Floats, features, sampled
 class Fit:
     """A pose (4,) with its covariance (4, 4), and the mean error of the centre [px].
 
-    decided: share of the contour's normals whose edge the pixels show; residual: typical distance of their edges from
-    the contour [px]; along (N,): signed distance of each normal's edge, NaN where it is not shown.
+    decided: share of the contour's normals whose edge the pixels show.
     """
 
     pose: Floats
     covariance: Floats
     decided: float
-    residual: float
-    along: Floats
 
 
 def _pure_edges(
@@ -35,15 +32,16 @@ def _pure_edges(
     prior of `reach` and that prior is then removed, so that a normal on which nothing is decided weighs nothing.
     """
     s = scene.settings
-    offsets = np.arange(-reach, reach + 0.5 * s.step, s.step)
+    pitch = max(s.step, reach / 8)
+    offsets = np.arange(-reach, reach + 0.5 * pitch, pitch)
     points = contour.points[:, None] + contour.normals[:, None] * offsets[:, None]
     odds, free = scene.log_odds(body, frame, pose, points.reshape(-1, 2))
     shape = points.shape[:2]
     odds, free = np.where(free, odds, 0.0).reshape(shape), free.reshape(shape)
     middle = len(offsets) // 2
     shown = free[:, max(middle - 2, 0) : middle + 3].all(axis=1)
-    logs = np.concatenate([np.zeros((shape[0], 1)), np.cumsum(odds * s.step, axis=1)], axis=1)
-    places = np.append(offsets - 0.5 * s.step, offsets[-1] + 0.5 * s.step)
+    logs = np.concatenate([np.zeros((shape[0], 1)), np.cumsum(odds * pitch, axis=1)], axis=1)
+    places = np.append(offsets - 0.5 * pitch, offsets[-1] + 0.5 * pitch)
     width = 0.7 * reach
     logs -= 0.5 * (places / width) ** 2
     weight = np.exp(logs - logs.max(axis=1, keepdims=True))
@@ -59,7 +57,7 @@ def _pure_edges(
     return np.clip(distance, -reach, reach), precision
 
 
-def _mixed_edges(scene: Scene, frame: int, contour: Contour) -> tuple[Floats, Floats]:
+def _mixed_edges(scene: Scene, frame: int, contour: Contour, gamma: float) -> tuple[Floats, Floats]:
     """Signed distance (N,) [px] of the edge from each normal, and its precision (N,) [1/px^2], from mixed pixels.
 
     Within a pixel or two of an edge levels are mixtures of those inside and outside, which the log odds of pure colours
@@ -70,7 +68,7 @@ def _mixed_edges(scene: Scene, frame: int, contour: Contour) -> tuple[Floats, Fl
     points = (contour.points[:, None] + contour.normals[:, None] * offsets[:, None]).reshape(-1, 2)
     shape = (len(contour.points), len(offsets))
     seen = sampled(scene.film.frames[frame], points)
-    levels = ((seen / 255) ** np.float32(s.gamma)).reshape(*shape, 3)  # light, which mixes
+    levels = ((seen / 255) ** np.float32(gamma)).reshape(*shape, 3)  # light, which mixes
     lit = features(seen, s)[:, 0] - scene.background.at(points)[0][:, 0]
     pure = np.abs(offsets) > s.mixed_near
     core = ~pure
@@ -112,6 +110,7 @@ def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
     s, shape = scene.settings, scene.bodies[body]
     initial, pose = pose, pose.copy()
     free = shape.free
+    mixing = 1.0 if isinstance(shape, Outline) else s.gamma  # as its shape is learned: edges_beyond
     sigma = 3.0 * shape.unit if prior is None else prior
     hold = np.diag(1 / np.maximum(np.append(sigma[free], shape.nuisance), 1e-9) ** 2)
     for reach in (*s.reaches[coarse:], *[0.0] * s.mixed_rounds):
@@ -119,7 +118,7 @@ def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
         contour = shape.contour(pose, s.normals)
         distance, precision = _pure_edges(scene, body, frame, pose, contour, reach_now)
         if not reach:
-            finer, weight = _mixed_edges(scene, frame, contour)
+            finer, weight = _mixed_edges(scene, frame, contour, mixing)
             near = (np.abs(distance) < s.mixed_near) & (precision > 0)
             rough = np.where(precision > 0, 1 / (1 / np.maximum(precision, 1e-9) + s.pure_error**2), 0.0)
             weight = np.where(near, weight, 0.0)
@@ -147,8 +146,19 @@ def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
     index = np.flatnonzero(free)
     information = rates.T @ (rates * weight[:, None]) / inflation + hold
     covariance[np.ix_(index, index)] = np.linalg.inv(information)[:-2, :-2]
-    along = np.where(strong, left, np.nan)
-    return Fit(pose, covariance, float(strong.mean()), scale, along)
+    return Fit(pose, covariance, float(strong.mean()))
+
+
+def edges_beyond(scene: Scene, body: int, frame: int, pose: Floats) -> Floats:
+    """Signed distance (N,) [px] of each normal's edge from the contour of a pose, NaN where it is not shown.
+
+    Levels are mixed here, not light: what blurs an edge most is scaling and coding, and they do.
+    """
+    s = scene.settings
+    contour = scene.bodies[body].contour(pose, s.normals)
+    rough, precision = _pure_edges(scene, body, frame, pose, contour, s.reaches[-1])
+    finer, _ = _mixed_edges(scene, frame, contour, 1.0)
+    return np.where((np.abs(rough) < s.mixed_near) & (precision > 0.25 / s.edge_error**2), finer, np.nan)
 
 
 def centre_error(scene: Scene, body: int, fit: Fit) -> float:

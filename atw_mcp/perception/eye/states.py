@@ -77,8 +77,8 @@ def peaks(
 ) -> list[Floats]:
     """Poses of largest summed log odds about a pose, within `reach` [radii]: a correlation with the silhouette.
 
-    least: mean log odds [nats] from which on they are found. besides: the body is at the pose, and what its silhouette
-    and its shade explain is no evidence of another place.
+    least: mean log odds [nats] of what is not hidden from which on they are found. besides: the body is at the pose,
+    and what its silhouette and its shade explain is no evidence of another place.
     """
     s, shape = scene.settings, scene.bodies[body]
     radius, middle = shape.radius(pose), shape.centre(pose)
@@ -95,7 +95,12 @@ def peaks(
     polygon = (shape.polygon(pose) - middle) / pitch
     half = int(np.ceil(np.abs(polygon).max())) + 1
     kernel = filled(polygon + half, (0, 0), (2 * half + 1, 2 * half + 1)).astype(np.float32)
-    summed = cv2.filter2D(image, -1, kernel / max(kernel.sum(), 1.0), borderType=cv2.BORDER_CONSTANT)
+    kernel /= max(kernel.sum(), 1.0)
+    summed = cv2.filter2D(image, -1, kernel, borderType=cv2.BORDER_CONSTANT)
+    if not besides:  # what is hidden speaks neither for a place nor against it
+        seen = cv2.filter2D(free.reshape(image.shape).astype(np.float32), -1, kernel, borderType=cv2.BORDER_CONSTANT)
+        summed[summed < least * np.maximum(seen, s.visible)] = -np.inf
+        least = 0.0
     found = []
     for _ in range(s.peaks):
         row, column = divmod(int(np.argmax(summed)), summed.shape[1])
@@ -123,9 +128,13 @@ def candidates(
         if present(scene, body, state):
             found.append((score(scene, body, state, predicted), state))
 
+    def shown() -> bool:
+        return any(state.contrast > scene.settings.weak * scene.usual[body] for _, state in found)
+
     for pose in [predicted, *others]:
-        attempt(pose, 1)
-    if not any(state.contrast > scene.settings.weak * scene.usual[body] for _, state in found):
+        if not shown():
+            attempt(pose, 1)
+    if not shown():
         for pose in peaks(scene, body, frame, about, reach, 0.2 * scene.settings.present):
             attempt(pose, 0)
     return found
