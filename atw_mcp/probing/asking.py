@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from atw_mcp.probing.ensemble_answers import query_answer
+from atw_mcp.probing.ensemble_answers import chance_of
 from atw_mcp.probing.ensembles import Ensemble
 from atw_mcp.probing.prediction_errors import distance, happening, speeds, travelled_since
 from polyworld.estimation.accuracy import with_model_error
@@ -190,23 +190,24 @@ def _stated(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> di
     (statement,), kind = asked.statements, asked.question.ask
     alone = _query(asked, best, world, statement)
     rows = _each(ensemble, lambda rollout, own: _query(asked, rollout, own, statement))
-    about = query_answer(ensemble, rows, AGGREGATIONS[kind], statement)
-    found: dict[str, Any] = {"members": ensemble.size - about["unknown"], "unknown": about["unknown"]}
+    known = [i for i, row in enumerate(rows) if row.decided]
+    found: dict[str, Any] = {"members": len(known), "unknown": ensemble.size - len(known)}
     found["best_fit"] = alone.value if alone.decided else None
-    if "reason" in about:
-        return found | {"reason": about["reason"]}
+    if not known:
+        return found | {"reason": rows[0].reason}
+    decided = [rows[i] for i in known]
     if kind == "whether":
-        found |= {"probability": about["probability"], "decided_by": about["decided_by"]}
-        found |= {"goes_with": about.get("margin_goes_with"), "less_sure_because": about.get("less_sure_because")}
-        return found
-    values = np.array([np.nan if r.value is None else float(r.value) for r in rows if r.decided])
-    known = np.isfinite(values)
-    found |= {"unit": UNITS[kind], "goes_with": about.get("goes_with")}
+        return found | chance_of(ensemble, known, decided, statement)
+    parameters = varying(ensemble.parameters, known)
+    values = np.array([np.nan if row.value is None else float(row.value) for row in decided])
+    happens = np.isfinite(values)
+    found |= {"unit": UNITS[kind], "goes_with": [r.to_dict() for r in relations(parameters, values)]}
     if kind == "when":
-        found |= {"never": float(1.0 - known.mean()), "decided_by": about.get("occurrence_decided_by")}
-    if known.any():
-        values = values[known]
-        found["value"] = likely(happening(values, ensemble.fitted_until).ravel() if kind == "when" else values)
+        split = decisive_split(parameters, happens)
+        found |= {"never": float(1.0 - happens.mean()), "decided_by": None if split is None else split.to_dict()}
+        values = happening(values[happens], ensemble.fitted_until).ravel()
+    if happens.any():
+        found["value"] = likely(values)
     return found
 
 

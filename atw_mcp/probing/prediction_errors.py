@@ -39,12 +39,10 @@ class PredictionErrorSettings:
 SETTINGS = PredictionErrorSettings()
 
 
-def chances(
-    ensemble: Ensemble, members: Sequence[int], results: Sequence[QueryResult], statement: Predicate, all_: bool = False
-) -> Array:
+def chances(ensemble: Ensemble, members: Sequence[int], results: Sequence[QueryResult], statement: Predicate) -> Array:
     """Return the probability (n,) of a statement in each member, 0 or 1 where it is decided within the fitted frames.
 
-    members: their numbers. results: their answers, all decided. all_: whether it is to hold throughout.
+    members: their numbers. results: their answers, all decided.
     With a margin m [m] and an error of half width s, a share of the distance travelled since the last fitted frame, the
     probability is 1/2 + arctan(m / s) / pi (Cauchy). Of speeds and of coming to rest it is the share of
     `paces` at which the statement holds.
@@ -55,7 +53,7 @@ def chances(
         if decided_at <= ensemble.fitted_until:
             continue
         if isinstance(statement, AtRest | Moving):
-            found[row] = _of_speed(ensemble, member, statement, result.covered or (0.0, decided_at), all_)
+            found[row] = _of_speed(ensemble, member, statement, result.covered or (0.0, decided_at))
             continue
         if isinstance(statement, ComesToRest) and result.value and result.covered is not None:
             times = happening(np.array([decided_at]), ensemble.fitted_until)
@@ -100,10 +98,8 @@ def speeds(ensemble: Ensemble, member: int, name: str, time: float) -> Array:
     return found
 
 
-def _of_speed(
-    ensemble: Ensemble, member: int, statement: AtRest | Moving, covered: tuple[float, float], all_: bool
-) -> float:
-    """Return the share of paces at which a statement about a speed holds at some time, or throughout."""
+def _of_speed(ensemble: Ensemble, member: int, statement: AtRest | Moving, covered: tuple[float, float]) -> float:
+    """Return the share of paces at which a statement about a speed holds at some time."""
     trajectory = ensemble.rollouts[member].trajectory
     margin = state_margin(trajectory, ensemble.worlds[member], statement).margin
     inner = (trajectory.times > covered[0]) & (trajectory.times < covered[1])
@@ -112,7 +108,7 @@ def _of_speed(
     short = margin if isinstance(statement, AtRest) else -margin  # threshold less speed
     short = factors * np.interp(at, trajectory.times, short) + (1.0 - factors) * statement.speed
     holds = short > 0.0 if isinstance(statement, AtRest) else short < 0.0
-    return float((holds.all(axis=1) if all_ else holds.any(axis=1)).mean())
+    return float(holds.any(axis=1).mean())
 
 
 def distance(rollout: Rollout, names: Sequence[str], start: float, end: float) -> float:

@@ -105,15 +105,12 @@ def ask(
     bases = tuple(bases[k] for k in order)
     base = bases[0]
     read: list[Asked] = []
-    questions = [
-        one for number, given in enumerate(questions, start=1) for one in _scanned(given, f"question {number}")
-    ]
-    if len(questions) > MOST:
-        raise ToolError(
-            f"{len(questions)} answers are asked for, with those of lists of numbers: ask for {MOST} at most"
-        )
+    each = [(k, one) for k, given in enumerate(questions, start=1) for one in _scanned(given, f"question {k}")]
+    if len(each) > MOST:
+        raise ToolError(f"{len(each)} answers are asked for, with those of lists of numbers: ask for {MOST} at most")
+    questions = [one for _, one in each]
     plans: dict[str, _Plan] = {}
-    for number, given in enumerate(questions, start=1):
+    for place, (number, given) in enumerate(each):
         what = f"question {number}"
         try:
             branched, edits, one = _read(app, found, bases, given, what)
@@ -123,12 +120,12 @@ def ask(
         read.append(one)
         key = json.dumps(edits, sort_keys=True)
         numbers = plans[key].numbers if key in plans else ()
-        plans[key] = _Plan(branched, edits, (*numbers, number - 1))
+        plans[key] = _Plan(branched, edits, (*numbers, place))
     observed = (base.time.frame_count - 1) * base.time.seconds_per_frame
     wanted = horizon_seconds or max([observed, *(one.latest for one in read)]) or None
-    late = [i for i, one in enumerate(read, start=1) if wanted is not None and one.latest > wanted + 1e-9]
+    late = [(k, one.latest) for (k, _), one in zip(each, read, strict=True) if wanted and one.latest > wanted + 1e-9]
     if late:
-        raise ToolError(f"question {late[0]} asks for {read[late[0] - 1].latest:g} s, after horizon_seconds {wanted:g}")
+        raise ToolError(f"question {late[0][0]} asks for {late[0][1]:g} s, after horizon_seconds {wanted:g}")
     for plan in plans.values():
         for parent, changed in zip(bases, plan.worlds, strict=True):
             with explained("Ask with a shorter horizon"):

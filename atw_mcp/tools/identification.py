@@ -101,7 +101,7 @@ def fit_world(
     that were left out are predicted. Constants (friction, restitution, dampings) are tied by material where BuildWorld
     states one, else by object; masses given are kept. Returns a new world, the error on frames left out (prediction),
     intervals 0.5 and 1 s ahead with what decides them, every value with its 80% interval and prior, and what the data
-    leave open. A sample of what the data allow is kept for ensemble=N of Rollout, QueryWorld and CompareWorlds. The
+    leave open. A sample of what the data allow is kept for Ask, and ensemble=N of Rollout and CompareWorlds. The
     same request is never computed twice. Next: InspectRollout to see it over the frames, CommitWorld when it follows
     the video."""
     found = app.case(case)

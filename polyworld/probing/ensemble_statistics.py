@@ -84,12 +84,6 @@ def interval_of(values: Array) -> dict[str, float]:
     return {"median": float(middle), "from": float(low), "to": float(high)}
 
 
-def quantiles(values: Array) -> dict[str, float]:
-    """Return the 5, 25, 50, 75 and 95 per cent quantiles of values (n,)."""
-    shares = (5, 25, 50, 75, 95)
-    return {f"{share}%": float(v) for share, v in zip(shares, np.percentile(values, shares), strict=True)}
-
-
 def decisive_split(parameters: Mapping[str, Array], true: Bools) -> Split | None:
     """Return the parameter and threshold that separate true (n,) best, None where none does so clearly.
 

@@ -87,9 +87,6 @@ class QueryResult:
             **({} if self.sampled_every is None else {"sampled_every_s": self.sampled_every}),
         }
 
-    def _margin(self) -> dict[str, Any]:
-        return {"margin": self.margin, "margin_unit": self.margin_unit, "margin_at_s": self.margin_at}
-
 
 def query(
     rollout: Rollout,

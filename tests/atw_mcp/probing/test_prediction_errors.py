@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import cauchy
 
 from atw_mcp.calls.intervals import Span
-from atw_mcp.probing.ensemble_answers import query_answer, query_in_words, together, trajectory_answer
+from atw_mcp.probing.ensemble_answers import chance_of, trajectory_answer
 from atw_mcp.probing.ensembles import Ensemble
 from atw_mcp.probing.prediction_errors import SETTINGS, chances, distance, speeds, travelled_since
 from polyworld.estimation.fit_settings import ModelSettings
@@ -65,27 +65,25 @@ def test_a_place_is_the_less_sure_the_farther_it_is_from_the_last_fitted_frame(m
 def test_what_is_decided_within_the_fitted_frames_is_as_sure_as_the_members(members: Ensemble) -> None:
     early = past(members, SPEED * 0.4 - 0.001, 0.4)
     assert chances(members, [0], [early], beyond(0.0))[0] == 1.0
-    about = query_answer(members, [early] * 5, "any", beyond(0.0))
+    about = chance_of(members, range(5), [early] * 5, beyond(0.0))
     assert about["probability"] == 1.0
-    assert "less_sure_because" not in about
+    assert about["less_sure_because"] is None
 
 
 def test_a_narrow_answer_about_what_comes_is_less_sure_and_says_why(members: Ensemble) -> None:
     narrow = past(members, SPEED * 1.5 - 0.01, 1.5)
-    about = query_answer(members, [narrow] * 5, "any", beyond(0.0))
-    assert about["true"] == 5
+    about = chance_of(members, range(5), [narrow] * 5, beyond(0.0))
     assert 0.5 < about["probability"] < 0.7
-    assert about["probability_interval"][0] < about["probability"] < about["probability_interval"][1]
-    assert "after the last fitted frame" in query_in_words(about, "any")
+    assert "after the last fitted frame" in about["less_sure_because"]
 
 
 @pytest.mark.parametrize("by", [0.02, 0.5])
 def test_a_speed_is_as_probable_as_its_margin_beside_the_mean_speed(members: Ensemble, by: float) -> None:
     """Pace and path are off by the same factor, whose logarithm is Cauchy; nineteen of its quantiles are tried."""
     slower = AtRest(object="ball", speed=SPEED - by)
-    result = query(members.rollouts[0], members.worlds[0], slower, (1.0, 1.0), "all")
+    result = query(members.rollouts[0], members.worlds[0], slower, (1.0, 1.0))
     assert result.value is False
-    (found,) = chances(members, [0], [result], slower, all_=True)
+    (found,) = chances(members, [0], [result], slower)
     assert found == pytest.approx(cauchy.cdf(np.log(1.0 - by / SPEED), scale=ModelSettings().path), abs=1.0 / 19)
     assert np.median(speeds(members, 0, "ball", 1.5)) == pytest.approx(SPEED, rel=1e-6)
     low, high = np.percentile(speeds(members, 0, "ball", 1.5), (25, 75))
@@ -121,14 +119,3 @@ def test_a_ball_on_a_plane_errs_along_it_alone(members: Ensemble) -> None:
     assert travelled_since(members, 0, "ball", np.array([0.2, 1.5])) == pytest.approx(
         np.array([[0.0, 0.0, 0.0], [SPEED, SPEED, 0.0]]), rel=1e-6
     )
-
-
-def test_several_statements_hold_together_as_often_as_all_of_them_do(members: Ensemble) -> None:
-    rows = [[past(members, SPEED * 1.5 - by, 1.5)] * 5 for by in (0.05, 0.1)]
-    first, second = (chances(members, [0], row[:1], beyond(0.0))[0] for row in rows)
-    found = together(members, rows, [beyond(0.0), beyond(0.0)])
-    assert found["all"]["true"] == found["any"]["true"] == 5
-    assert found["all"]["probability"] == pytest.approx(first * second)
-    assert found["any"]["probability"] == pytest.approx(1.0 - (1.0 - first) * (1.0 - second))
-    unfitted = together(replace(members, fitted_until=np.inf), rows, [beyond(0.0), beyond(0.0)])
-    assert unfitted["all"]["probability"] == 1.0

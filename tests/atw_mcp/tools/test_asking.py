@@ -189,6 +189,8 @@ def test_a_list_of_numbers_in_an_edit_is_answered_for_each(session: Session) -> 
     two = {**scan, "edits": [*scan["edits"], {"action": "scale_parameter", "path": "objects.red.friction"}]}
     two["edits"][2]["factor"] = [1, 2]
     assert "one number at a time" in session.refused("Ask", case="slide", questions=[two])
+    text = session.refused("Ask", case="slide", questions=[scan, {"ask": "where", "object": "rde"}])
+    assert text.startswith("question 2")
     many = {**scan, "edits": [{"action": "scale_velocity", "object": "red", "factor": [0.1 * k for k in range(1, 40)]}]}
     assert "ask for 32 at most" in session.refused("Ask", case="slide", questions=[many])
 
