@@ -318,7 +318,7 @@ def _probability(true: NDArray[np.bool_], chance: Array, ensemble: Ensemble) -> 
         expected = Probability(float(chance.sum()), len(chance))
         found |= {"probability": expected.share, "probability_interval": list(expected.interval)}
         if abs(expected.share - found["true"] / len(true)) >= SETTINGS.notable:
-            reasons.append("it is decided after the last fitted frame, where predictions drift")
+            reasons.append("it is decided after the last fitted frame")
     if ensemble.wrong:
         sure = 1.0 - ensemble.wrong
         found["probability"] = sure * found["probability"] + 0.5 * ensemble.wrong

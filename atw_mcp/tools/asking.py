@@ -42,6 +42,8 @@ EXAMPLE = {
 }
 SHOWN_RELATIONS = 2  # in words: the strongest
 MOST = 32  # answers in one call
+FINEST = 4  # decimal places shown
+APART = 0.5  # difference of probabilities from which candidate worlds are said to disagree
 SCANNED = ("factor", "value", "gravity_factor", "plane_friction")  # numbers of edits
 
 
@@ -294,6 +296,8 @@ def _in_words(about: dict[str, Any], named: list[str], unseen: set[str]) -> str:
         return f"unknown: {about['reason']}"
     if "probability" in about:
         text = f"probability {about['probability']:.2g}"
+        alone = [share for share in about.get("by_world", {}).values() if share is not None]
+        text += " (the worlds disagree: see by_world)" if alone and max(alone) - min(alone) > APART else ""
     elif "probabilities" in about:
         shares = sorted(about["probabilities"].items(), key=lambda item: -item[1])
         text = ", ".join(f"{label}: {share:.2g}" for label, share in shares)
@@ -358,5 +362,5 @@ def _brief(row: dict[str, Any]) -> dict[str, Any]:
 def _narrow(spread: dict[str, Any]) -> dict[str, Any]:
     """Return median and 80% interval to the digits that its width allows."""
     low, high = spread["80%"]
-    digits = max(0, 2 - math.floor(math.log10(high - low))) if high > low else 4
+    digits = min(max(0, 2 - math.floor(math.log10(high - low))), FINEST) if high > low else FINEST
     return {"median": round(spread["median"], digits), "80%": [round(low, digits), round(high, digits)]}
