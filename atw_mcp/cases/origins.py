@@ -8,8 +8,8 @@ from typing import Any, Literal
 import numpy as np
 
 from atw_mcp.calls.app import App
-from atw_mcp.observation.track_records import TrackRecord
 from evidence_store import Case, UnknownRecord
+from polyworld.data.tracks import ObservedTracks
 from polyworld.world import World
 from polyworld.world.parameter_tables import STATE_PARAMETERS
 from polyworld.world.parameters import read_parameter
@@ -54,7 +54,7 @@ def _as_built(app: App, case: Case, world: World, path: str) -> Origin:
     record = app.store.cases.modelled_observation(case.id, world.id)
     if record is None or parts[0] != "objects" or len(parts) != 3 or parts[2] not in STATE_PARAMETERS:
         return "given or default"
-    tracks = TrackRecord.of(app.store.observations.get(record)).tracks
+    tracks = ObservedTracks.from_dict(app.store.observations.get(record).document["tracks"])
     if parts[1] not in tracks.names:
         return "given or default"
     turns = parts[2].startswith(("angular_velocity", "rotation"))

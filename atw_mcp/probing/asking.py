@@ -1,168 +1,38 @@
-"""Questions that are asked of a world, or of a changed copy of it, and what the members of its ensemble answer."""
+"""Answer a question by the members of an ensemble, in numbers and in words."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from atw_mcp.probing.ensemble_answers import chance_of
 from atw_mcp.probing.ensembles import Ensemble
 from atw_mcp.probing.prediction_errors import distance, happening, speeds, travelled_since
+from atw_mcp.probing.questions import AGGREGATIONS, Asked, Stated, WhichFirst, worded
 from polyworld.estimation.accuracy import with_model_error
 from polyworld.probing.ensemble_statistics import decisive_split, relations, varying
-from polyworld.probing.predicates import Predicate, names_in
-from polyworld.probing.query import Aggregation, QueryResult, query, start_times
+from polyworld.probing.predicates import Predicate
+from polyworld.probing.query import QueryResult, query
 from polyworld.trajectory import Rollout
 from polyworld.world import World
 
 Array = NDArray[np.float64]
+SHOWN_RELATIONS = 2  # in words: the strongest
+FINEST = 4  # decimal places shown
+APART = 0.5  # difference of probabilities from which candidate worlds are said to disagree
 LEVELS = {"80%": (10.0, 90.0), "95%": (2.5, 97.5)}
-AGGREGATIONS: dict[str, Aggregation] = {"whether": "any", "when": "first", "how_often": "count"}
 UNITS = {"when": "s", "how_often": "times", "where": "m", "how_fast": "m/s", "how_far": "m"}
-
-
-class _Asked(BaseModel):
-    """What every question may have."""
-
-    model_config = ConfigDict(extra="forbid")
-    ask: str
-    edits: list[dict[str, Any]] = Field(
-        default=[],
-        max_length=32,
-        description="as edits of Rollout, made before the start; a list as factor or value: an answer for each number",
-    )
-
-
-class _Stated(_Asked):
-    predicate: dict[str, Any] = Field(description="a statement as predicate of QueryWorld")
-    interval: list[float] | None = Field(
-        default=None, min_length=2, max_length=2, description="start, end [s]; default: all that is run"
-    )
-
-
-class Whether(_Stated):
-    """How probable it is that the statement holds at some time, or at one."""
-
-    ask: Literal["whether"] = "whether"
-    at: float | None = Field(default=None, ge=0.0, description="time [s], instead of interval")
-
-    @model_validator(mode="after")
-    def _at_one_time(self) -> Self:
-        if self.at is not None:
-            if self.interval is not None:
-                raise ValueError("give at or interval")
-            self.interval = [self.at, self.at]
-        return self
-
-
-class When(_Stated):
-    """When the statement holds first."""
-
-    ask: Literal["when"] = "when"
-
-
-class HowOften(_Stated):
-    """How many times the statement begins to hold."""
-
-    ask: Literal["how_often"] = "how_often"
-
-
-class WhichFirst(_Asked):
-    """Which of the statements holds first."""
-
-    ask: Literal["which_first"] = "which_first"
-    predicates: list[dict[str, Any]] = Field(
-        min_length=2, max_length=8, description="statements as predicate of QueryWorld"
-    )
-
-
-class _Of(_Asked):
-    object: str = Field(min_length=1, description="name")
-    at: float | None = Field(default=None, ge=0.0, description="time [s]; default: the end of what is run")
-
-
-class Where(_Of):
-    """Where the object's centre is at a time."""
-
-    ask: Literal["where"] = "where"
-
-
-class HowFast(_Of):
-    """How fast the object's centre moves at a time."""
-
-    ask: Literal["how_fast"] = "how_fast"
-
-
-class HowFar(_Of):
-    """How far the object's centre is at a time from where it began, or from the centre of another object."""
-
-    ask: Literal["how_far"] = "how_far"
-    to: str | None = Field(default=None, description="another object")
-
-
-Question = Annotated[
-    Whether | When | HowOften | WhichFirst | Where | HowFast | HowFar,
-    Field(discriminator="ask"),
-]
-
-
-@dataclass(frozen=True)
-class Asked:
-    """A question whose names and statements have been read. statements: of those that have any."""
-
-    question: Any
-    statements: tuple[Predicate, ...]
-
-    @property
-    def latest(self) -> float:
-        """Latest time [s] that it names, 0 where it names none."""
-        if isinstance(self.question, _Of):
-            return self.question.at or 0.0
-        interval = getattr(self.question, "interval", None)
-        return 0.0 if interval is None else float(interval[1])
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Objects that it is about."""
-        q = self.question
-        if isinstance(q, _Of):
-            return (q.object, q.to) if isinstance(q, HowFar) and q.to is not None else (q.object,)
-        return tuple(dict.fromkeys(name for s in self.statements for name in names_in(s)))
-
-    def in_words(self, until: float) -> str:
-        """Return the question in words."""
-        q = self.question
-        if isinstance(q, _Of):
-            end = f" {q.to}" if isinstance(q, HowFar) and q.to is not None else ""
-            return f"{q.ask} {q.object}{' from' * bool(end)}{end} at {until if q.at is None else q.at:.4g} s"
-        stated = " or ".join(_worded(s) for s in self.statements)
-        interval = getattr(q, "interval", None)
-        if interval is None:
-            return f"{q.ask} {stated}"
-        when = (
-            f"at {interval[0]:.4g} s" if interval[0] == interval[1] else f"in {interval[0]:.4g} to {interval[1]:.4g} s"
-        )
-        return f"{q.ask} {stated} {when}"
-
-    def enters(self, world: World) -> tuple[str, float] | None:
-        """Return the object that enters last, and when [s], where the time asked about begins before that."""
-        interval, starts = getattr(self.question, "interval", None), start_times(world)
-        late = max(self.names, key=lambda name: starts.get(name, 0.0))
-        if interval is None or not interval[0] < starts.get(late, 0.0) < interval[1]:
-            return None
-        return late, starts[late]
 
 
 def answered(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> dict[str, Any]:
     """Return what the members say to a question, and the best fit alone: fields of `AnswerToOne` that its kind has."""
     if isinstance(asked.question, WhichFirst):
         return _which_first(asked, ensemble, best, world)
-    if isinstance(asked.question, _Stated):
+    if isinstance(asked.question, Stated):
         return _stated(asked, ensemble, best, world)
     return _measured(asked, ensemble, best, world)
 
@@ -235,13 +105,7 @@ def _which_first(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) 
 
 
 def _labels(statements: Sequence[Predicate]) -> list[str]:
-    return [f"{i}. {_worded(s)}" for i, s in enumerate(statements, start=1)]
-
-
-def _worded(statement: Predicate) -> str:
-    """Return a statement in words: its name, its objects, and what else was given."""
-    given = statement.model_dump(exclude_defaults=True, exclude={"predicate", "object", "a", "b"})
-    return " ".join([statement.predicate, *names_in(statement), *(f"{k}={v}" for k, v in given.items())])
+    return [f"{i}. {worded(s)}" for i, s in enumerate(statements, start=1)]
 
 
 def _measured(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> dict[str, Any]:
@@ -320,3 +184,58 @@ def _reach(q: Any, ensemble: Ensemble, member: int) -> Array:
 
 def _at(times: Array, values: Array, time: float) -> Array:
     return np.array([np.interp(time, times, values[:, axis]) for axis in range(values.shape[1])])
+
+
+def in_words(about: dict[str, Any], named: list[str], unseen: set[str]) -> str:
+    if "reason" in about:
+        return f"unknown: {about['reason']}"
+    if "probability" in about:
+        text = f"probability {about['probability']:.2g}"
+        alone = [share for share in about.get("by_world", {}).values() if share is not None]
+        text += " (the worlds disagree: see by_world)" if alone and max(alone) - min(alone) > APART else ""
+    elif "probabilities" in about:
+        shares = sorted(about["probabilities"].items(), key=lambda item: -item[1])
+        text = ", ".join(f"{label}: {share:.2g}" for label, share in shares)
+    elif "place" in about:
+        text = ", ".join(f"{axis} {_spread(about['place'][axis])}" for axis in "xyz") + " m, with 80% intervals"
+    elif "value" in about:
+        text = f"{_spread(about['value'])} {about['unit']}, with its 80% interval"
+        text += f", never with probability {about['never']:.2g}" if about.get("never") else ""
+    else:
+        text = "never, in any member"
+    if about["unknown"]:
+        text += f"; unknown in {about['unknown']} of {about['members'] + about['unknown']} members"
+    if about.get("less_sure_because"):
+        text += f"; no surer because {about['less_sure_because']}"
+    split = about.get("decided_by")
+    if split:
+        text += f"; decided by {split['parameter']}: true {split['true_where']} {split['threshold']:.3g}"
+    elif named:
+        text += f"; goes with {', '.join(named[:SHOWN_RELATIONS])}"
+    prior = [name for name in named[: 1 if split else SHOWN_RELATIONS] if name in unseen]
+    return text + (f" ({', '.join(prior)}: no frame shows it, taken from its prior)" if prior else "")
+
+
+def _spread(about: dict[str, Any]) -> str:
+    narrow = _narrow(about)
+    low, high = narrow["80%"]
+    return f"{narrow['median']:g} ({low:g} to {high:g})"
+
+
+def brief(row: dict[str, Any]) -> dict[str, Any]:
+    """Return an answer without what its own record repeats: the answer in words, and its numbers."""
+    brief = {name: row[name] for name in ("question", "answer", "evidence", "rollout")}
+    names = ("probability", "probabilities", "never", "unit", "by_world")
+    brief |= {name: row[name] for name in names if name in row}
+    if "value" in row:
+        brief["value"] = _narrow(row["value"])
+    if "place" in row:
+        brief["place"] = {axis: _narrow(row["place"][axis]) for axis in "xyz"}
+    return brief
+
+
+def _narrow(spread: dict[str, Any]) -> dict[str, Any]:
+    """Return median and 80% interval to the digits that its width allows."""
+    low, high = spread["80%"]
+    digits = min(max(0, 2 - math.floor(math.log10(high - low))), FINEST) if high > low else FINEST
+    return {"median": round(spread["median"], digits), "80%": [round(low, digits), round(high, digits)]}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -18,9 +17,10 @@ from atw_mcp.calls.jobs import LongWork, Progress
 from atw_mcp.calls.names import object_name
 from atw_mcp.calls.results import Answer, explained
 from atw_mcp.calls.toolbox import ToolGroup
-from atw_mcp.probing.asking import AGGREGATIONS, Asked, HowFar, Question, answered
+from atw_mcp.probing.asking import answered, brief, in_words
 from atw_mcp.probing.candidates import counts, mixture, weights
 from atw_mcp.probing.ensembles import LEAST, MEMBERS, Ensemble, compute_ensemble, lineage
+from atw_mcp.probing.questions import AGGREGATIONS, SCANNED, Asked, HowFar, Question, scanned
 from atw_mcp.results.asking import AnswersToAll
 from atw_mcp.tools.experimentation import PATIENCE, CaseId, read_edits
 from atw_mcp.tools.querying import read_statement
@@ -40,11 +40,7 @@ EXAMPLE = {
     "predicate": {"predicate": "collides", "a": "red", "b": "blue"},
     "edits": [{"action": "remove", "object": "green"}],
 }
-SHOWN_RELATIONS = 2  # in words: the strongest
 MOST = 32  # answers in one call
-FINEST = 4  # decimal places shown
-APART = 0.5  # difference of probabilities from which candidate worlds are said to disagree
-SCANNED = ("factor", "value", "gravity_factor", "plane_friction")  # numbers of edits
 
 
 @dataclass(frozen=True)
@@ -107,7 +103,7 @@ def ask(
     bases = tuple(bases[k] for k in order)
     base = bases[0]
     read: list[Asked] = []
-    each = [(k, one) for k, given in enumerate(questions, start=1) for one in _scanned(given, f"question {k}")]
+    each = [(k, one) for k, given in enumerate(questions, start=1) for one in scanned(given, f"question {k}")]
     if len(each) > MOST:
         raise ToolError(f"{len(each)} answers are asked for, with those of lists of numbers: ask for {MOST} at most")
     questions = [one for _, one in each]
@@ -172,22 +168,6 @@ def ask(
     )
 
 
-def _scanned(given: Any, what: str) -> list[Any]:
-    """Return a question once for each number of an edit that has a list of them."""
-    edits = given.get("edits") if isinstance(given, dict) else None
-    edits = edits if isinstance(edits, list) and all(isinstance(edit, dict) for edit in edits) else []
-    lists = [(i, name) for i, edit in enumerate(edits) for name in SCANNED if isinstance(edit.get(name), list)]
-    if len(lists) > 1:
-        raise ToolError(f"{what}: {' and '.join(name for _, name in lists)} are lists: scan one number at a time")
-    if not lists:
-        return [given]
-    ((which, name),) = lists
-    return [
-        given | {"edits": [*edits[:which], edits[which] | {name: value}, *edits[which + 1 :]]}
-        for value in edits[which][name]
-    ]
-
-
 def _read(
     app: App, case: Case, bases: tuple[World, ...], given: Any, what: str
 ) -> tuple[tuple[World, ...], tuple[dict[str, Any], ...], Asked]:
@@ -243,7 +223,7 @@ def _answer(
     late = asked.enters(plan.worlds[0])
     since = "" if late is None else f"; from {late[1]:.4g} s on, when {late[0]} enters"
     row |= {
-        "answer": _in_words(about, named, unseen) + since,
+        "answer": in_words(about, named, unseen) + since,
         "rollout": rollout,
         "edits": list(plan.edits) or None,
         **about,
@@ -291,42 +271,6 @@ def _with_edits(plan: _Plan, question: str) -> str:
     return f"with {', '.join(made)}: {question}"
 
 
-def _in_words(about: dict[str, Any], named: list[str], unseen: set[str]) -> str:
-    if "reason" in about:
-        return f"unknown: {about['reason']}"
-    if "probability" in about:
-        text = f"probability {about['probability']:.2g}"
-        alone = [share for share in about.get("by_world", {}).values() if share is not None]
-        text += " (the worlds disagree: see by_world)" if alone and max(alone) - min(alone) > APART else ""
-    elif "probabilities" in about:
-        shares = sorted(about["probabilities"].items(), key=lambda item: -item[1])
-        text = ", ".join(f"{label}: {share:.2g}" for label, share in shares)
-    elif "place" in about:
-        text = ", ".join(f"{axis} {_spread(about['place'][axis])}" for axis in "xyz") + " m, with 80% intervals"
-    elif "value" in about:
-        text = f"{_spread(about['value'])} {about['unit']}, with its 80% interval"
-        text += f", never with probability {about['never']:.2g}" if about.get("never") else ""
-    else:
-        text = "never, in any member"
-    if about["unknown"]:
-        text += f"; unknown in {about['unknown']} of {about['members'] + about['unknown']} members"
-    if about.get("less_sure_because"):
-        text += f"; no surer because {about['less_sure_because']}"
-    split = about.get("decided_by")
-    if split:
-        text += f"; decided by {split['parameter']}: true {split['true_where']} {split['threshold']:.3g}"
-    elif named:
-        text += f"; goes with {', '.join(named[:SHOWN_RELATIONS])}"
-    prior = [name for name in named[: 1 if split else SHOWN_RELATIONS] if name in unseen]
-    return text + (f" ({', '.join(prior)}: no frame shows it, taken from its prior)" if prior else "")
-
-
-def _spread(about: dict[str, Any]) -> str:
-    narrow = _narrow(about)
-    low, high = narrow["80%"]
-    return f"{narrow['median']:g} ({low:g} to {high:g})"
-
-
 def _together(
     case: Case,
     base: World,
@@ -340,27 +284,8 @@ def _together(
     return Answer(
         summary=f"{len(rows)} answers of {MEMBERS} worlds that the data allow, run to {horizon:.4g} s",
         data={"answers": rows, **whole},
-        shown={"answers": [_brief(row) for row in rows], **whole},
+        shown={"answers": [brief(row) for row in rows], **whole},
         case=case.id,
         world=base.id,
         interval=(0.0, horizon),
     )
-
-
-def _brief(row: dict[str, Any]) -> dict[str, Any]:
-    """Return an answer without what its own record repeats: the answer in words, and its numbers."""
-    brief = {name: row[name] for name in ("question", "answer", "evidence", "rollout")}
-    names = ("probability", "probabilities", "never", "unit", "by_world")
-    brief |= {name: row[name] for name in names if name in row}
-    if "value" in row:
-        brief["value"] = _narrow(row["value"])
-    if "place" in row:
-        brief["place"] = {axis: _narrow(row["place"][axis]) for axis in "xyz"}
-    return brief
-
-
-def _narrow(spread: dict[str, Any]) -> dict[str, Any]:
-    """Return median and 80% interval to the digits that its width allows."""
-    low, high = spread["80%"]
-    digits = min(max(0, 2 - math.floor(math.log10(high - low))), FINEST) if high > low else FINEST
-    return {"median": round(spread["median"], digits), "80%": [round(low, digits), round(high, digits)]}
