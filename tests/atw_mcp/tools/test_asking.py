@@ -161,7 +161,8 @@ def test_candidate_worlds_weigh_by_what_they_predicted(tmp_path: Path) -> None:
     assert abs(both["median"] - STOP) < 0.005
     side = session.shown("Ask", case="slide", questions=[question], worlds=[first, other])["data"]["answers"][0]
     assert side["by_world"] == pytest.approx({first: alone["median"], other: wrong["median"]}, abs=0.005)
-    between = {"predicate": "moved_by_more_than", "object": "red", "distance": 0.5 * (alone["median"] + wrong["median"])}
+    middle = 0.5 * (alone["median"] + wrong["median"])
+    between = {"predicate": "moved_by_more_than", "object": "red", "distance": middle}
     asks = {"ask": "whether", "predicate": between, "edits": question["edits"], "at": 2.0}
     (torn,) = session.shown("Ask", case="slide", questions=[asks], worlds=[first, other])["data"]["answers"]
     assert "(the worlds disagree: see by_world)" in torn["answer"]
