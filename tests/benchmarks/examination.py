@@ -212,7 +212,9 @@ async def answered(task: Task, folder: Path, sizes: list[int]) -> list[dict[str,
             places = {o["name"]: o["position"] for o in seen["data"]["objects"]}
             made = await call("ModelVideo", case=task.name, **pulley(task.scene, places))
         await call("CommitWorld", case=task.name, world=made["data"]["world"], even_if_failed=True)
-        there = {*made["objects"], *(o["name"] for o in task.known.get("build", {}).get("obstacles", []))}
+        built = task.known.get("build", {})
+        described = [part["name"] for key in ("obstacles", "parts") for part in built.get(key, [])]
+        there = {*made["objects"], *described}
         asked = [q for q in task.questions if _names(q) <= there]  # the others cannot be answered
         given = iter((await call("Ask", case=task.name, questions=asked))["data"]["answers"])
         answers: list[dict[str, Any]] = [next(given) if q in asked else {} for q in task.questions]
