@@ -26,7 +26,7 @@ from polyworld.world.parameters import read_parameter, specification
 FROM_PRIOR = 0.5  # part of a prior's variance that the data must take away for a value to be theirs
 SURFACE = "friction of the surface"
 WITHIN_80 = 1.2816  # standard deviations that hold 80% of a normal distribution
-AHEAD = ("first_frame_left_out", "0.5_s_after_clip", "1_s_after_clip")
+AHEAD = ("cut", "0.5_s_after", "1_s_after")  # the clip
 
 
 @dataclass(frozen=True)
@@ -279,11 +279,10 @@ def _prediction(found: Prediction) -> dict[str, Any]:
             {
                 "object": body.object,
                 "error": body.error,
-                "error_in_last_frame": body.last,
                 "error_had_it_stayed": body.stays,
                 "noise": body.noise,
                 "half_width80": dict(zip(AHEAD, body.spread, strict=True)),
-                "decides_1_s_after": [{"constant": name, "share_of_variance": part} for name, part in body.decided_by],
+                "decided_by": [{"constant": name, "share_of_variance": part} for name, part in body.decided_by],
             }
             for body in found.bodies
         ],

@@ -142,7 +142,7 @@ def open_questions(document: dict[str, Any]) -> tuple[list[dict[str, str]], int]
     rows = []
     for name in names:
         decides = [
-            body["object"] for body in ahead if any(row["constant"] == name for row in body["decides_1_s_after"])
+            body["object"] for body in ahead if any(row["constant"] == name for row in body["decided_by"])
         ]
         why = "the data say little about it: its value is the prior's"
         rows.append(

@@ -87,12 +87,11 @@ def stored_sample(app: App, world: str) -> Content | None:
 
 
 def sample_in_words(sample: Content) -> dict[str, Any]:
-    """Summarize a posterior sample for an agent: its size, what of it the data do not determine, doubts."""
+    """Summarize a posterior sample for an agent: its size, and what it is worth."""
     document = sample.document
     return {
         "members": len(sample.arrays["values"]),
         "seed": document["seed"],
-        "from_prior": document["from_prior"],
         "effective": document["effective"],
     }
 

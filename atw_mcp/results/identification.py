@@ -27,9 +27,9 @@ class Decides(Result):
 class HalfWidths(Result):
     """Half widths of the 80% interval of a place [m], by how far ahead it is predicted."""
 
-    first_frame_left_out: float
-    half_a_second: float = Field(alias="0.5_s_after_clip")
-    a_second: float = Field(alias="1_s_after_clip")
+    cut: float = Field(description="in the first frame left out")
+    half_a_second: float = Field(alias="0.5_s_after", description="0.5 s after the clip")
+    a_second: float = Field(alias="1_s_after", description="1 s after the clip")
 
 
 class BodyPrediction(Result):
@@ -37,11 +37,10 @@ class BodyPrediction(Result):
 
     object: str
     error: float | None = Field(description="root mean square distance [m]; null where it was not seen there")
-    error_in_last_frame: float | None = Field(description="[m]; null likewise")
     error_had_it_stayed: float | None = Field(description="error of a body that stays where it was last seen [m]")
     noise: float = Field(description="of a measured place [m]")
     half_width80: HalfWidths
-    decides_1_s_after: list[Decides] = Field(description="what decides where it is 1 s after the clip")
+    decided_by: list[Decides] = Field(description="what decides where it is 1 s after the clip")
 
 
 class Prediction(Result):
@@ -78,7 +77,6 @@ class PosteriorSample(Result):
 
     members: int
     seed: int
-    from_prior: list[str] = Field(description="values that the data do not determine")
     effective: float = Field(description="number of independent draws that the members are worth")
 
 

@@ -78,8 +78,8 @@ def test_open_values_come_first_where_they_decide_what_happens_next() -> None:
     decided = {
         "object": "cube",
         "error": 0.01,
-        "half_width80": {"first_frame_left_out": 0.0, "0.5_s_after_clip": 0.1, "1_s_after_clip": 0.3},
-        "decides_1_s_after": [{"constant": "b", "share_of_variance": 0.8}],
+        "half_width80": {"cut": 0.0, "0.5_s_after": 0.1, "1_s_after": 0.3},
+        "decided_by": [{"constant": "b", "share_of_variance": 0.8}],
     }
     asked = document(0.008, 0.05)
     asked["undetermined"] = [{"parameters": [name], "reason": "prior"} for name in ("a", "b")]
