@@ -141,9 +141,7 @@ def open_questions(document: dict[str, Any]) -> tuple[list[dict[str, str]], int]
     ahead = (document["prediction"] or {"bodies": []})["bodies"]
     rows = []
     for name in names:
-        decides = [
-            body["object"] for body in ahead if any(row["constant"] == name for row in body["decided_by"])
-        ]
+        decides = [body["object"] for body in ahead if any(row["constant"] == name for row in body["decided_by"])]
         why = "the data say little about it: its value is the prior's"
         rows.append(
             {"object": name, "reason": why + (f", and it decides where {', '.join(decides)} goes" if decides else "")}

@@ -142,7 +142,7 @@ class Asked:
     def enters(self, world: World) -> tuple[str, float] | None:
         """Return the object that enters last, and when [s], where the time asked about begins before that."""
         interval, starts = getattr(self.question, "interval", None), start_times(world)
-        late = max(self.names, key=lambda name: starts.get(name, 0.0))
+        late = max(self.names, key=lambda name: starts.get(name, 0.0), default="")  # none of a container
         if interval is None or not interval[0] < starts.get(late, 0.0) < interval[1]:
             return None
         return late, starts[late]
