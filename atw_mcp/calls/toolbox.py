@@ -159,6 +159,15 @@ def _given_up(context: Context[App, Any]) -> bool:
     return channel.transport.kind != "jsonrpc" or channel.cancel_requested.is_set()
 
 
+class _Arguments(FuncMetadata):
+    """Arguments of a tool, of which those that take nothing but text stay text where it is JSON: an answer may be."""
+
+    def pre_parse_json(self, data: dict[str, Any]) -> dict[str, Any]:
+        """Parse objects and lists that a client sent as text."""
+        text = {key for key, field in self.arg_model.model_fields.items() if field.annotation == str | None}
+        return super().pre_parse_json(data) | {key: value for key, value in data.items() if key in text}
+
+
 class ToolGroup:
     """The tools of one role, in the order in which they are declared."""
 
@@ -200,7 +209,7 @@ class ToolGroup:
                     title=title,
                     description=_unwrapped(function.__doc__ or ""),
                     parameters=without_null(inlined(arguments.model_json_schema(by_alias=True))),
-                    fn_metadata=FuncMetadata(arg_model=arguments, output_schema=output),
+                    fn_metadata=_Arguments(arg_model=arguments, output_schema=output),
                     is_async=False,
                     context_kwarg=None,
                     annotations=ToolAnnotations(

@@ -9,18 +9,20 @@ import numpy as np
 
 from atw_mcp.calls.app import App
 from evidence_store import Case, UnknownRecord
+from polyworld.data.tracks import ObservedTracks
 from polyworld.world import World
 from polyworld.world.parameter_tables import STATE_PARAMETERS
 from polyworld.world.parameters import read_parameter
 
 SAMPLE = "posterior"  # kind of record that holds the sample of a fitted world
-Origin = Literal["fitted", "edited", "observed", "given or default"]
+Origin = Literal["fitted", "edited", "observed", "assumed", "given or default"]
 
 
 @dataclass(frozen=True)
 class Knowledge:
     """origin: fitted to the observation; edited in a branch; observed, that is read off the tracks when the world was
-    built; or given by the agent or left at its default then. detail: what else is known, e.g. a standard error."""
+    built; assumed, of the spin of an object that no frame shows to turn; or given by the agent or left at its default
+    then. detail: what else is known, e.g. a standard error."""
 
     origin: Origin
     detail: dict[str, Any] = field(default_factory=dict)
@@ -39,20 +41,24 @@ def knowledge(app: App, case: Case, world: World, path: str) -> Knowledge:
         if descent.how == "fitted":
             found = _fitted(app, world.id, descent.detail, path)
             if found is not None:
-                return Knowledge("fitted", found)
+                return Knowledge("assumed" if _as_built(app, case, world, path) == "assumed" else "fitted", found)
         elif _value(parent, path) != _value(world, path):
             return Knowledge("edited", {"edits": descent.detail.get("edits"), "before": _value(parent, path)})
         world = parent
+    return Knowledge(_as_built(app, case, world, path))
+
+
+def _as_built(app: App, case: Case, world: World, path: str) -> Origin:
+    """Return how a value of a world that no fit found is known: by the tracks of the record that it models, or not."""
     parts = path.split(".", 2)
-    is_state = parts[0] == "objects" and len(parts) == 3 and parts[2] in STATE_PARAMETERS
-    from_tracks = is_state and parts[1] in _tracked(app, case, world)
-    return Knowledge("observed" if from_tracks else "given or default")
-
-
-def _tracked(app: App, case: Case, world: World) -> list[str]:
-    """Names of the tracks of the record that a world models."""
     record = app.store.cases.modelled_observation(case.id, world.id)
-    return [] if record is None else list(app.store.observations.get(record).document["names"])
+    if record is None or parts[0] != "objects" or len(parts) != 3 or parts[2] not in STATE_PARAMETERS:
+        return "given or default"
+    tracks = ObservedTracks.from_dict(app.store.observations.get(record).document["tracks"])
+    if parts[1] not in tracks.names:
+        return "given or default"
+    turns = parts[2].startswith(("angular_velocity", "rotation"))
+    return "assumed" if turns and not tracks.shows_turning(parts[1]) else "observed"
 
 
 def lineage(app: App, case: Case, world: World) -> list[dict[str, Any]]:
@@ -79,11 +85,13 @@ def _fitted(app: App, world: str, detail: dict[str, Any], path: str) -> dict[str
     except UnknownRecord:  # a fit that was cancelled keeps its world, but not its account
         return None
     value = next((item for item in document["values"] if path in item["paths"]), None)
-    if value is None:
-        return None
-    found = {"standard_error": None, "from_prior": value["from_prior"], "at_bound": value["at_bound"]}
     sample = app.store.fits.find(SAMPLE, {"world": world})
     rows = [] if sample is None else sample.document["unknowns"]
+    if value is None and not any(path in row["paths"] for row in rows):
+        return None
+    found: dict[str, Any] = {"standard_error": None}
+    if value is not None:
+        found |= {"from_prior": value["from_prior"], "at_bound": value["at_bound"]}
     for i, row in enumerate(rows):
         if sample is not None and path in row["paths"]:
             draws = sample.arrays["values"][:, i]
@@ -91,7 +99,8 @@ def _fitted(app: App, world: str, detail: dict[str, Any], path: str) -> dict[str
             found |= {"standard_error": float(draws.std()), "interval80": [float(low), float(high)]}
             if len(row["paths"]) > 1:
                 found["shared_with"] = [other for other in row["paths"] if other != path]
-    reasons = [item["reason"] for item in document["undetermined"] if value["name"] in item["parameters"]]
+    name = None if value is None else value["name"]
+    reasons = [item["reason"] for item in document["undetermined"] if name in item["parameters"]]
     if reasons:
         found["undetermined"] = reasons
     return found

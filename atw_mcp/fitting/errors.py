@@ -57,8 +57,8 @@ class ObjectError:
             "object": self.object,
             "error_m": self.metres,
             "error_px": self.pixels,
-            "of_radius": self.metres / self.radius,
-            "of_noise": self.metres / self.noise if self.noise > 0.0 else None,
+            "error_over_radius": self.metres / self.radius,
+            "error_over_noise": self.metres / self.noise if self.noise > 0.0 else None,
             "frames": self.frames,
         }
 

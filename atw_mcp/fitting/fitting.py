@@ -14,7 +14,7 @@ from atw_mcp.calls.error_curve import SIGMA, ErrorCurve, in_words
 from atw_mcp.calls.jobs import Progress
 from atw_mcp.fitting.verdict import FitVerdict, judge
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.accuracy import Accuracy, json_ready
+from polyworld.estimation.accuracy import Accuracy, Prediction, json_ready
 from polyworld.estimation.declared import flat
 from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.fitted import FittedConstant, FittedRun, Method, StudyFit
@@ -25,6 +25,8 @@ from polyworld.world.parameters import read_parameter, specification
 
 FROM_PRIOR = 0.5  # part of a prior's variance that the data must take away for a value to be theirs
 SURFACE = "friction of the surface"
+WITHIN_80 = 1.2816  # standard deviations that hold 80% of a normal distribution
+AHEAD = ("cut", "0.5_s_after", "1_s_after")  # the clip
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,11 @@ class FitInput:
 
 @dataclass(frozen=True)
 class CaseFit:
-    """Outcome of a fit for one case. unobserved: objects of the world without observations; unmodelled: the reverse."""
+    """Outcome of a fit for one case.
+
+    unobserved: objects of the world without observations; unmodelled: the reverse. unseen_spins: paths of the spins of
+    objects of which no frame shows that they turn.
+    """
 
     case: str
     run: FittedRun
@@ -77,6 +83,7 @@ class CaseFit:
     verdict: FitVerdict
     unobserved: tuple[str, ...]
     unmodelled: tuple[str, ...]
+    unseen_spins: tuple[str, ...]
 
 
 def observed_of(world: World, tracks: ObservedTracks) -> ObservedTracks:
@@ -211,6 +218,12 @@ def run_fit(inputs: Sequence[FitInput], request: FitRequest, progress: Progress)
                 judge(run, item.tracks),
                 tuple(n for n in moving if n not in seen),
                 tuple(n for n in seen if n not in moving),
+                tuple(
+                    f"objects.{name}.angular_velocity.{axis}"
+                    for name in item.tracks.names
+                    if not item.tracks.shows_turning(name)
+                    for axis in "xyz"
+                ),
             )
         )
     return FitRun(found, tuple(cases), curve, request.seed)
@@ -231,7 +244,7 @@ def digest(run: FitRun, index: int) -> dict[str, Any]:
         "accuracy_start": None if case.before is None else case.before.to_dict(),
         "accuracy": None if case.run.accuracy is None else case.run.accuracy.to_dict(),
         "held_out": None if case.run.held_out is None else case.run.held_out.to_dict(),
-        "prediction": None if case.run.prediction is None else case.run.prediction.to_dict(),
+        "prediction": None if case.run.prediction is None else _prediction(case.run.prediction),
         "values": values,
         "initial_states": len(case.run.sample) and sum(_is_state(path) for path in case.run.sample),
         "undetermined": [
@@ -259,14 +272,30 @@ def _is_state(path: str) -> bool:
     return parts[0] == "objects" and len(parts) == 4
 
 
+def _prediction(found: Prediction) -> dict[str, Any]:
+    return {
+        "first_frame_left_out": found.frame,
+        "bodies": [
+            {
+                "object": body.object,
+                "error": body.error,
+                "error_had_it_stayed": body.stays,
+                "noise": body.noise,
+                "half_width80": dict(zip(AHEAD, body.spread, strict=True)),
+                "decided_by": [{"constant": name, "share_of_variance": part} for name, part in body.decided_by],
+            }
+            for body in found.bodies
+        ],
+        "share_inside_80%": found.inside if np.isfinite(found.inside) else None,
+    }
+
+
 def _value(found: FittedConstant) -> dict[str, Any]:
     u = found.unknown
     prior = None
     if u.prior is not None:
-        mean, sd = u.prior
-        prior = (
-            f"{math.exp(mean):.3g} times or over {math.exp(sd):.3g}" if u.scale == "log" else f"{mean:.3g} ± {sd:.3g}"
-        )
+        ends = [u.prior[0] + side * WITHIN_80 * u.prior[1] for side in (-1.0, 1.0)]
+        prior = [float(np.clip(math.exp(x) if u.scale == "log" else x, u.lower, u.upper)) for x in ends]
     return {
         "name": u.name,
         "value": found.value,
@@ -274,7 +303,7 @@ def _value(found: FittedConstant) -> dict[str, Any]:
         "bounds": [u.lower, u.upper],
         "standard_error": found.standard_error,
         "interval80": list(found.interval),
-        "prior": prior,
+        "prior80": prior,
         "from_prior": found.informed < FROM_PRIOR,
         "at_bound": found.at_bound,
         "paths": list(u.paths),
@@ -287,15 +316,15 @@ def _value(found: FittedConstant) -> dict[str, Any]:
 class Sample:
     """Equally probable parameter values of a fitted world, the fitted ones first, relative to the world `start`.
 
-    rows: names, paths and units; values (N, P). from_prior: names of those that the data do not determine. constants:
-    draws of the fitted constants, from which these values follow.
+    rows: names, paths and units; values (N, P). from_prior: names of rows and constants that the data do not determine.
+    constants: those fitted, with unit, paths and draws, from which these values follow.
     """
 
     start: World
     rows: tuple[dict[str, Any], ...]
     values: NDArray[np.float64]
     from_prior: tuple[str, ...]
-    constants: dict[str, NDArray[np.float64]]
+    constants: tuple[FittedConstant, ...]
     effective: float
     seed: int
     until: float
@@ -303,9 +332,12 @@ class Sample:
     def to_dict(self) -> dict[str, Any]:
         """Return all but the values, JSON-ready."""
         return {
-            "constants": list(self.constants),
+            "constants": {
+                c.unknown.name: {"unit": c.unknown.unit, "paths": list(c.unknown.paths), "value": c.value}
+                for c in self.constants
+            },
             "unknowns": [dict(row) for row in self.rows],
-            "from_bounds": list(self.from_prior),
+            "from_prior": list(self.from_prior),
             "seed": self.seed,
             "effective": self.effective,
             "until": self.until,
@@ -330,15 +362,19 @@ def sample_of(run: FitRun, index: int) -> Sample:
         }
         for paths, _ in rows.values()
     ]
-    open_ = {p for c in run.fit.constants if c.informed < FROM_PRIOR for p in c.unknown.paths}
+    open_ = [c.unknown for c in run.fit.constants if c.informed < FROM_PRIOR]
+    unshown = {p for u in open_ for p in u.paths} | set(run.cases[index].unseen_spins)
     step = found.start.time.seconds_per_frame
     columns = [v for _, v in rows.values()]
     return Sample(
         start=found.start,
         rows=tuple(named),
         values=np.stack(columns, axis=1) if columns else np.zeros((1, 0)),
-        from_prior=tuple(str(row["name"]) for row in named if set(row["paths"]) <= open_),
-        constants={c.unknown.name: c.draws for c in run.fit.constants},
+        from_prior=(
+            *(u.name for u in open_),
+            *(str(row["name"]) for row in named if set(row["paths"]) <= unshown),
+        ),
+        constants=run.fit.constants,
         effective=run.fit.effective,
         seed=run.seed,
         until=found.frames[1] * step,

@@ -72,9 +72,9 @@ def prediction_in_words(document: dict[str, Any]) -> str:
     errors = [
         body["error"] for body in prediction["bodies"] if body["error"] is not None and np.isfinite(body["error"])
     ]
-    spread = np.max([body["spread"] for body in prediction["bodies"]], axis=0)
+    spread = np.max([list(body["half_width80"].values()) for body in prediction["bodies"]], axis=0)
     said = (
-        f"predicts the frames from {prediction['frame']} on, left out at first, to {max(errors):.2g} m"
+        f"predicts the frames from {prediction['first_frame_left_out']} on, left out at first, to {max(errors):.2g} m"
         if errors
         else ""
     )

@@ -58,7 +58,7 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
 
     A step that fails ends the work with status `failed`; the steps before it stay and are not repeated by a next call.
     """
-    steps, model = Steps(app, progress, SHARES), VideoModel(kept=request.kept)
+    steps, model = Steps(app, progress, SHARES), VideoModel()
     try:
         names = _known_first(app, case, request, steps, model)
         if names is None:
@@ -73,10 +73,10 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
         other = built.data.get("alternative_representation")
         if other is not None:
             fitted = _better(app, case, request, steps, model, fitted, {**building, "representation": other}, progress)
-        model.notes += _unplaced(app, case, app.world(case, fitted.evidence.world))
+        model.doubts += _unplaced(app, case, app.world(case, fitted.evidence.world))
     except StepFailed as error:
         return failure_report(case, error, steps, model)
-    return fit_report(app, case, fitted, steps, model)
+    return fit_report(app, case, fitted, steps, model, request.kept)
 
 
 def _known_first(app: App, case: Case, request: VideoRequest, steps: Steps, model: VideoModel) -> list[str] | None:
@@ -94,10 +94,9 @@ def _known_first(app: App, case: Case, request: VideoRequest, steps: Steps, mode
     _calibrate(case, request, steps)
     found = _look_for(app, case, request, steps, model)
     if found is None or {item.name for item in request.known} - set(found.names):
-        model.some = None if found is None else latest_image_observation(app, case)
         steps.call("ObserveObjects", case=case.id)
         return None
-    model.matching, model.looked_for = Matching((), (), ()), list(found.names)
+    model.matching = Matching((), (), (), found.names)
     return list(found.names)
 
 
@@ -142,7 +141,7 @@ def _match(
             unseen = tuple(item.name for item in request.known if item.name not in found.names)
             others = [seen.object(name) for name in model.matching.unlisted]
             model.tracks = [_track_row(track) for track in others if not _within(track, found)]
-            model.matching, model.looked_for = Matching((), unseen, ()), list(found.names)
+            model.matching = Matching((), unseen, (), found.names)
             return list(found.names)
     if not model.matching.matches:
         raise StepFailed(MATCHING, f"none of {', '.join(item.name for item in request.known)} fits a track")
@@ -196,21 +195,17 @@ def _look_for(app: App, case: Case, request: VideoRequest, steps: Steps, model: 
         scene["motion_plane"] = request.plane.model_dump(include={"point", "normal", "supports"})
     scene |= {"obstacles": request.build["obstacles"]} if request.build.get("obstacles") else {}
     least = 0 if model.matching is None else len(model.matching.matches)
-    if model.some is not None and len(model.some[1].names) < max(least, 1):
-        model.notes.append(f"looked for by colour and size, only {', '.join(model.some[1].names)} was found")
-        return None
-    asked = {"known": request.looked_for, **scene} if model.some is None else {"observation": model.some[0]}
     try:
-        steps.call("ObserveObjects", case=case.id, **asked)
+        steps.call("ObserveObjects", case=case.id, known=request.looked_for, **scene)
     except StepFailed as error:
-        model.notes.append(f"objects could not be looked for by colour and size: {error.reason}")
+        model.doubts.append(f"objects could not be looked for by colour and size: {error.reason}")
         return None
     latest = latest_image_observation(app, case)
     found = () if latest is None else latest[1].names
     if latest is not None and len(found) >= max(least, 1):
-        model.notes += _look_alikes(request.known, found)
+        model.doubts += _look_alikes(request.known, found)
         return latest[1]
-    model.notes.append(f"looked for by colour and size, only {', '.join(found) or 'nothing'} was found")
+    model.doubts.append(f"looked for by colour and size, only {', '.join(found) or 'nothing'} was found")
     if before is not None:
         steps.call("ObserveObjects", case=case.id, observation=before[0])
     return None
@@ -311,7 +306,7 @@ def _better(
     try:
         again = steps.call("FitWorld", case=case.id, world=built.evidence.world, **_fit_arguments(request, names))
     except StepFailed as error:
-        model.notes.append(f"a {building['representation']} world could not be fitted: {error.reason}")
+        model.doubts.append(f"a {building['representation']} world could not be fitted: {error.reason}")
         return fitted
     _compare(app, case, again, other, progress)
     share = 1.0 / np.sqrt(2.0 * max(sum(error.frames for error in model.errors), 1))  # of a root mean square

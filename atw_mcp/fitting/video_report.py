@@ -9,15 +9,14 @@ from atw_mcp.calls.app import App
 from atw_mcp.calls.results import Answer
 from atw_mcp.calls.steps import Step, StepFailed, Steps
 from atw_mcp.fitting.errors import ObjectError
-from atw_mcp.fitting.reading import WAYS
+from atw_mcp.fitting.reading import CONTACTS, WAYS
 from atw_mcp.observation.matching import Matching
-from atw_mcp.perception.observation import ImageObservation
 from evidence_store import Case
 
 UNSURE = 0.5  # mean confidence below which a track is doubted
 CLOSE = 2.0  # ratio of errors up to which the world that was passed over is worth asking too
 MATCHING = "matching"
-VALUE = ("name", "value", "unit", "interval80", "prior", "from_prior", "at_bound")
+VALUE = ("name", "value", "unit", "interval80", "prior80", "from_prior", "at_bound")
 VERDICTS = {
     "follows": "follows the video",
     "follows_with_doubts": "follows the video, with doubts",
@@ -29,24 +28,19 @@ VERDICTS = {
 class VideoModel:
     """State reached so far: matches, tracks that no known object explains, errors, or why there are none.
 
-    notes: doubts about how known objects were looked for. looked_for: those found by colour and size, not by matching.
-    other: the world in the other representation, which was passed over, and its error over that of the one kept. kept:
-    facts that an earlier call gave. some: the observation, by its id, in which some of the known objects were
-    found and others not.
+    doubts: about how objects were looked for and placed. other: the world in the other representation, which was passed
+    over, and its error over that of the one kept.
     """
 
     matching: Matching | None = None
     tracks: list[dict[str, Any]] = field(default_factory=list)
     errors: tuple[ObjectError, ...] = ()
     diverged: str | None = None
-    notes: list[str] = field(default_factory=list)
-    looked_for: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
     other: tuple[str, float] | None = None
-    kept: str = ""
-    some: tuple[str, ImageObservation] | None = None
 
 
-def fit_report(app: App, case: Case, fitted: Step, steps: Steps, model: VideoModel) -> Answer:
+def fit_report(app: App, case: Case, fitted: Step, steps: Steps, model: VideoModel, kept: str) -> Answer:
     """Judge the fitted world: errors beside body and noise, matches, values, predictions, doubts."""
     world = fitted.evidence.world
     doubts = _doubts(steps, fitted, model)
@@ -59,13 +53,14 @@ def fit_report(app: App, case: Case, fitted: Step, steps: Steps, model: VideoMod
         "verdict": verdict,
         "doubts": doubts,
         "next": _next(case, steps, model, world, verdict),
-        "kept": model.kept or None,
+        "kept": kept or None,
         **_matching(model),
         "errors": [error.to_dict() for error in model.errors],
         "representation": _kind(app, case, world),
         "other": _other(app, case, model),
         "rolling": WAYS[fitted.data["rolling"]],
         "values": [{name: value[name] for name in VALUE} for value in fitted.data["values"]],
+        "contacts": CONTACTS,
         "prediction": fitted.data["prediction"],
     }
     return Answer(
@@ -126,7 +121,7 @@ def _next(case: Case, steps: Steps, model: VideoModel, world: str | None, verdic
 
 def _doubts(steps: Steps, fitted: Step, model: VideoModel) -> list[str]:
     """Doubts about the result as a whole; those of single steps that do not bear on it stay with the steps."""
-    found = [*([] if model.matching is None else model.matching.doubts), *model.notes]
+    found = [*([] if model.matching is None else model.matching.doubts), *model.doubts]
     if model.diverged is not None:
         found.append(model.diverged)
     found += [f"{error.object} is off by {_error(error)}" for error in model.errors if not error.follows]
@@ -135,10 +130,10 @@ def _doubts(steps: Steps, fitted: Step, model: VideoModel) -> list[str]:
         for error in model.errors
         if error.vague
     ]
+    found += fitted.data["warnings"]
     better, own = fitted.data["best_draft"], {step.evidence.world for step in steps.done}
-    passed_over = "" if better is None or better["world"] not in own else better["world"]  # on purpose: a simpler one
-    warnings = [text for text in fitted.data["warnings"] if not passed_over or passed_over not in text]
-    found += warnings
+    if better is not None and better["world"] not in own:  # one of its own was passed over on purpose
+        found.append(f"draft {better['world']} has a lower loss on the same frames, {better['loss']:.3g}")
     for step in steps.done:
         if step.tool == "CalibrateCamera":
             found += [text for text in step.data.get("warnings", []) if "were assumed" not in text]
@@ -158,7 +153,7 @@ def _matching(model: VideoModel) -> dict[str, Any]:
         return {}
     return {
         "matches": [match.to_dict() for match in model.matching.matches],
-        **({"found_by_colour_and_size": model.looked_for} if model.looked_for else {}),
+        **({"found_by_colour_and_size": list(found)} if (found := model.matching.looked_for) else {}),
         "unseen_objects": list(model.matching.unseen),
         "unlisted_tracks": model.tracks,
     }

@@ -131,9 +131,8 @@ def residuals_of(
 
 def jumps_of(world: World, recording: Recording) -> tuple[Jump, ...]:
     """Return the sudden changes of velocity in a recording that nothing in the world explains, the largest first."""
-    runs = recording.runs
     return tuple(
-        Jump(runs[k.run].name, k.name, k.time - runs[k.run].origin, k.place, k.jump, k.sigma)
+        Jump(k.run, k.name, k.time - recording.run(k.run).origin, k.place, k.jump, k.sigma)
         for k in kinks(world, recording)
     )
 

@@ -109,11 +109,15 @@ class Match:
 
 @dataclass(frozen=True)
 class Matching:
-    """Matches, known objects without a track, and tracks that no known object explains."""
+    """Matches, known objects without a track, and tracks that no known object explains.
+
+    looked_for: known objects that were found by colour and size, which need no match.
+    """
 
     matches: tuple[Match, ...]
     unseen: tuple[str, ...]
     unlisted: tuple[str, ...]
+    looked_for: tuple[str, ...] = ()
 
     @property
     def complete(self) -> bool:

@@ -1,144 +1,38 @@
-"""Questions that are asked of a world, or of a changed copy of it, and what the members of its ensemble answer."""
+"""Answer a question by the members of an ensemble, in numbers and in words."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
 
-from atw_mcp.probing.ensemble_answers import query_answer
+from atw_mcp.probing.ensemble_answers import chance_of
 from atw_mcp.probing.ensembles import Ensemble
-from atw_mcp.probing.prediction_errors import distance, travelled_since
+from atw_mcp.probing.prediction_errors import distance, happening, speeds, travelled_since
+from atw_mcp.probing.questions import AGGREGATIONS, Asked, Stated, WhichFirst, worded
 from polyworld.estimation.accuracy import with_model_error
 from polyworld.probing.ensemble_statistics import decisive_split, relations, varying
-from polyworld.probing.predicates import Predicate, names_in
-from polyworld.probing.query import Aggregation, QueryResult, query
+from polyworld.probing.predicates import Predicate
+from polyworld.probing.query import QueryResult, query
 from polyworld.trajectory import Rollout
 from polyworld.world import World
 
 Array = NDArray[np.float64]
+SHOWN_RELATIONS = 2  # in words: the strongest
+FINEST = 4  # decimal places shown
+APART = 0.5  # difference of probabilities from which candidate worlds are said to disagree
 LEVELS = {"80%": (10.0, 90.0), "95%": (2.5, 97.5)}
-AGGREGATIONS: dict[str, Aggregation] = {"whether": "any", "when": "first", "how_often": "count"}
 UNITS = {"when": "s", "how_often": "times", "where": "m", "how_fast": "m/s", "how_far": "m"}
-
-
-class _Asked(BaseModel):
-    """What every question may have."""
-
-    model_config = ConfigDict(extra="forbid")
-    ask: str
-    edits: list[dict[str, Any]] = Field(
-        default=[], max_length=32, description="as edits of Rollout, made before the start"
-    )
-
-
-class _Stated(_Asked):
-    predicate: dict[str, Any] = Field(description="a statement as predicate of QueryWorld")
-    interval: list[float] | None = Field(
-        default=None, min_length=2, max_length=2, description="start, end [s]; default: all that is run"
-    )
-
-
-class Whether(_Stated):
-    """How probable it is that the statement holds at some time."""
-
-    ask: Literal["whether"] = "whether"
-
-
-class When(_Stated):
-    """When the statement holds first."""
-
-    ask: Literal["when"] = "when"
-
-
-class HowOften(_Stated):
-    """How many times the statement begins to hold."""
-
-    ask: Literal["how_often"] = "how_often"
-
-
-class WhichFirst(_Asked):
-    """Which of the statements holds first."""
-
-    ask: Literal["which_first"] = "which_first"
-    predicates: list[dict[str, Any]] = Field(
-        min_length=2, max_length=8, description="statements as predicate of QueryWorld"
-    )
-
-
-class _Of(_Asked):
-    object: str = Field(min_length=1, description="name")
-    at: float | None = Field(default=None, ge=0.0, description="time [s]; default: the end of what is run")
-
-
-class Where(_Of):
-    """Where the object's centre is at a time."""
-
-    ask: Literal["where"] = "where"
-
-
-class HowFast(_Of):
-    """How fast the object's centre moves at a time."""
-
-    ask: Literal["how_fast"] = "how_fast"
-
-
-class HowFar(_Of):
-    """How far the object's centre is at a time from where it began, or from the centre of another object."""
-
-    ask: Literal["how_far"] = "how_far"
-    to: str | None = Field(default=None, description="another object")
-
-
-Question = Annotated[
-    Whether | When | HowOften | WhichFirst | Where | HowFast | HowFar,
-    Field(discriminator="ask"),
-]
-
-
-@dataclass(frozen=True)
-class Asked:
-    """A question whose names and statements have been read. statements: of those that have any."""
-
-    question: Any
-    statements: tuple[Predicate, ...]
-
-    @property
-    def latest(self) -> float:
-        """Latest time [s] that it names, 0 where it names none."""
-        if isinstance(self.question, _Of):
-            return self.question.at or 0.0
-        interval = getattr(self.question, "interval", None)
-        return 0.0 if interval is None else float(interval[1])
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Objects that it is about."""
-        q = self.question
-        if isinstance(q, _Of):
-            return (q.object, q.to) if isinstance(q, HowFar) and q.to is not None else (q.object,)
-        return tuple(dict.fromkeys(name for s in self.statements for name in names_in(s)))
-
-    def in_words(self, until: float) -> str:
-        """Return the question in words."""
-        q = self.question
-        if isinstance(q, _Of):
-            end = f" {q.to}" if isinstance(q, HowFar) and q.to is not None else ""
-            return f"{q.ask} {q.object}{' from' * bool(end)}{end} at {until if q.at is None else q.at:.4g} s"
-        stated = " or ".join(_worded(s) for s in self.statements)
-        interval = getattr(q, "interval", None)
-        return f"{q.ask} {stated}" + ("" if interval is None else f" in {interval[0]:.4g} to {interval[1]:.4g} s")
 
 
 def answered(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> dict[str, Any]:
     """Return what the members say to a question, and the best fit alone: fields of `AnswerToOne` that its kind has."""
     if isinstance(asked.question, WhichFirst):
         return _which_first(asked, ensemble, best, world)
-    if isinstance(asked.question, _Stated):
+    if isinstance(asked.question, Stated):
         return _stated(asked, ensemble, best, world)
     return _measured(asked, ensemble, best, world)
 
@@ -152,6 +46,9 @@ def likely(values: Array) -> dict[str, Any]:
 def _query(asked: Asked, rollout: Rollout, world: World, statement: Predicate) -> QueryResult:
     interval = getattr(asked.question, "interval", None)
     span = None if interval is None else (float(interval[0]), float(interval[1]))
+    late = asked.enters(world)
+    if span is not None and late is not None:  # before it enters it can do nothing
+        span = (late[1], span[1])
     return query(rollout, world, statement, span, AGGREGATIONS.get(asked.question.ask, "first"))
 
 
@@ -163,22 +60,24 @@ def _stated(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> di
     (statement,), kind = asked.statements, asked.question.ask
     alone = _query(asked, best, world, statement)
     rows = _each(ensemble, lambda rollout, own: _query(asked, rollout, own, statement))
-    about = query_answer(ensemble, rows, AGGREGATIONS[kind], names_in(statement))
-    found: dict[str, Any] = {"members": ensemble.size - about["unknown"], "unknown": about["unknown"]}
+    known = [i for i, row in enumerate(rows) if row.decided]
+    found: dict[str, Any] = {"members": len(known), "unknown": ensemble.size - len(known)}
     found["best_fit"] = alone.value if alone.decided else None
-    if "reason" in about:
-        return found | {"reason": about["reason"]}
+    if not known:
+        return found | {"reason": rows[0].reason}
+    decided = [rows[i] for i in known]
     if kind == "whether":
-        found |= {"probability": about["probability"], "decided_by": about["decided_by"]}
-        found |= {"goes_with": about.get("margin_goes_with"), "less_sure_because": about.get("less_sure_because")}
-        return found
-    values = np.array([np.nan if r.value is None else float(r.value) for r in rows if r.decided])
-    known = np.isfinite(values)
-    found |= {"unit": UNITS[kind], "goes_with": about.get("goes_with")}
+        return found | chance_of(ensemble, known, decided, statement)
+    parameters = varying(ensemble.parameters, known)
+    values = np.array([np.nan if row.value is None else float(row.value) for row in decided])
+    happens = np.isfinite(values)
+    found |= {"unit": UNITS[kind], "goes_with": [r.to_dict() for r in relations(parameters, values)]}
     if kind == "when":
-        found |= {"never": float(1.0 - known.mean()), "decided_by": about.get("occurrence_decided_by")}
-    if known.any():
-        found["value"] = likely(values[known])
+        split = decisive_split(parameters, happens)
+        found |= {"never": float(1.0 - happens.mean()), "decided_by": None if split is None else split.to_dict()}
+        values = happening(values[happens], ensemble.fitted_until).ravel()
+    if happens.any():
+        found["value"] = likely(values)
     return found
 
 
@@ -206,13 +105,7 @@ def _which_first(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) 
 
 
 def _labels(statements: Sequence[Predicate]) -> list[str]:
-    return [f"{i}. {_worded(s)}" for i, s in enumerate(statements, start=1)]
-
-
-def _worded(statement: Predicate) -> str:
-    """Return a statement in words: its name, its objects, and what else was given."""
-    given = statement.model_dump(exclude_defaults=True, exclude={"predicate", "object", "a", "b"})
-    return " ".join([statement.predicate, *names_in(statement), *(f"{k}={v}" for k, v in given.items())])
+    return [f"{i}. {worded(s)}" for i, s in enumerate(statements, start=1)]
 
 
 def _measured(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> dict[str, Any]:
@@ -229,8 +122,14 @@ def _measured(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> 
     parameters = varying(ensemble.parameters, known)
     values = states[known]
     widest = int(np.argmax(np.ptp(np.percentile(values, (10, 90), axis=0), axis=0)))
-    found |= {"unit": UNITS[q.ask], "goes_with": [r.to_dict() for r in relations(parameters, values[:, widest])]}
-    spread = with_model_error(values, np.array([_reach(q, ensemble, int(i)) for i in known]))
+    if q.ask == "how_fast":
+        spread = np.stack([speeds(ensemble, int(i), q.object, _end(q, ensemble.rollouts[i])) for i in known], axis=1)
+        spread = spread.reshape(-1, 1)
+    else:
+        spread = with_model_error(values, np.array([_reach(q, ensemble, int(i)) for i in known]))
+    widths = [np.ptp(np.percentile(sample[:, widest], (10, 90))) for sample in (values, spread)]
+    part = float(widths[0] / max(widths[1], 1e-12)) ** 2
+    found |= {"unit": UNITS[q.ask], "goes_with": [r.to_dict() for r in relations(parameters, values[:, widest], part)]}
     if q.ask != "where":
         return found | {"value": likely(np.abs(spread[:, 0]))}
     found["place"] = {axis: likely(spread[:, i]) for i, axis in enumerate("xyz")}
@@ -248,7 +147,7 @@ def _state(q: Any, rollout: Rollout, world: World) -> Array:
     width = 3 if q.ask == "where" else 1
     if q.object not in trajectory.names or not len(trajectory.times):
         return np.full(width, np.nan)
-    time = float(trajectory.times[-1]) if q.at is None else q.at
+    time = _end(q, rollout)
     starts = {o.name: float(getattr(o, "start_time", 0.0)) for o in (*world.objects, *world.deformables)}
     begins = max(starts.get(name, 0.0) for name in (q.object, getattr(q, "to", None) or q.object))
     if not begins - 1e-9 <= time <= float(trajectory.times[-1]) + 1e-9:
@@ -268,20 +167,75 @@ def _state(q: Any, rollout: Rollout, world: World) -> Array:
     return np.array([np.linalg.norm(own - there)])
 
 
+def _end(q: Any, rollout: Rollout) -> float:
+    return float(rollout.trajectory.times[-1]) if q.at is None else float(q.at)
+
+
 def _reach(q: Any, ensemble: Ensemble, member: int) -> Array:
-    """Return with what a member's error goes: distances travelled by axis (3,) [m], their sum (1,), or the mean speed
-    since the last fitted frame (1,) [m/s]."""
+    """Return with what a member's error goes: distances travelled by axis (3,) [m], or their sum (1,)."""
     rollout, since = ensemble.rollouts[member], ensemble.fitted_until
-    end = max(float(rollout.trajectory.times[-1]) if q.at is None else q.at, since)
-    found: Array
+    end = max(_end(q, rollout), since)
     if q.ask == "where":
-        found = travelled_since(ensemble, member, q.object, np.array([end]))[0]
+        found: Array = travelled_since(ensemble, member, q.object, np.array([end]))[0]
         return found
     names = [name for name in (q.object, getattr(q, "to", None)) if name is not None]
-    far = distance(rollout, names, since, end)
-    found = np.array([far if q.ask == "how_far" else far / (end - since) if end > since else 0.0])
-    return found
+    return np.array([distance(rollout, names, since, end)])
 
 
 def _at(times: Array, values: Array, time: float) -> Array:
     return np.array([np.interp(time, times, values[:, axis]) for axis in range(values.shape[1])])
+
+
+def in_words(about: dict[str, Any], named: list[str], unseen: set[str]) -> str:
+    if "reason" in about:
+        return f"unknown: {about['reason']}"
+    if "probability" in about:
+        text = f"probability {about['probability']:.2g}"
+        alone = [share for share in about.get("by_world", {}).values() if share is not None]
+        text += " (the worlds disagree: see by_world)" if alone and max(alone) - min(alone) > APART else ""
+    elif "probabilities" in about:
+        shares = sorted(about["probabilities"].items(), key=lambda item: -item[1])
+        text = ", ".join(f"{label}: {share:.2g}" for label, share in shares)
+    elif "place" in about:
+        text = ", ".join(f"{axis} {_spread(about['place'][axis])}" for axis in "xyz") + " m, with 80% intervals"
+    elif "value" in about:
+        text = f"{_spread(about['value'])} {about['unit']}, with its 80% interval"
+        text += f", never with probability {about['never']:.2g}" if about.get("never") else ""
+    else:
+        text = "never, in any member"
+    if about["unknown"]:
+        text += f"; unknown in {about['unknown']} of {about['members'] + about['unknown']} members"
+    if about.get("less_sure_because"):
+        text += f"; no surer because {about['less_sure_because']}"
+    split = about.get("decided_by")
+    if split:
+        text += f"; decided by {split['parameter']}: true {split['true_where']} {split['threshold']:.3g}"
+    elif named:
+        text += f"; goes with {', '.join(named[:SHOWN_RELATIONS])}"
+    prior = [name for name in named[: 1 if split else SHOWN_RELATIONS] if name in unseen]
+    return text + (f" ({', '.join(prior)}: no frame shows it, taken from its prior)" if prior else "")
+
+
+def _spread(about: dict[str, Any]) -> str:
+    narrow = _narrow(about)
+    low, high = narrow["80%"]
+    return f"{narrow['median']:g} ({low:g} to {high:g})"
+
+
+def brief(row: dict[str, Any]) -> dict[str, Any]:
+    """Return an answer without what its own record repeats: the answer in words, and its numbers."""
+    brief = {name: row[name] for name in ("question", "answer", "evidence", "rollout")}
+    names = ("probability", "probabilities", "never", "unit", "by_world")
+    brief |= {name: row[name] for name in names if name in row}
+    if "value" in row:
+        brief["value"] = _narrow(row["value"])
+    if "place" in row:
+        brief["place"] = {axis: _narrow(row["place"][axis]) for axis in "xyz"}
+    return brief
+
+
+def _narrow(spread: dict[str, Any]) -> dict[str, Any]:
+    """Return median and 80% interval to the digits that its width allows."""
+    low, high = spread["80%"]
+    digits = min(max(0, 2 - math.floor(math.log10(high - low))), FINEST) if high > low else FINEST
+    return {"median": round(spread["median"], digits), "80%": [round(low, digits), round(high, digits)]}

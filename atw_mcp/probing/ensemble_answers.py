@@ -21,11 +21,11 @@ from polyworld.probing.ensemble_statistics import (
     Split,
     decisive_split,
     interval_of,
-    quantiles,
     relations,
     varying,
 )
-from polyworld.probing.query import Aggregation, QueryResult
+from polyworld.probing.predicates import Predicate
+from polyworld.probing.query import QueryResult
 from polyworld.trajectory import Rollout
 from polyworld.world import World
 
@@ -35,91 +35,26 @@ MOST_EVENTS = 24  # rows of a timeline over all members
 PERCENT = f"{100 * LEVEL:.0f}%"
 
 
-def query_answer(
-    ensemble: Ensemble, results: Sequence[QueryResult], aggregation: Aggregation, names: Sequence[str]
+def chance_of(
+    ensemble: Ensemble, members: Sequence[int], results: Sequence[QueryResult], statement: Predicate
 ) -> dict[str, Any]:
-    """Return the probability or distribution of what the members answer to one query about the objects `names`."""
-    decided = [i for i, result in enumerate(results) if result.decided]
-    about: dict[str, Any] = {"members": ensemble.size, "unknown": ensemble.size - len(decided)}
-    if not decided:
-        return about | {"reason": results[0].reason}
-    parameters = varying(ensemble.parameters, decided)
-    values = [results[i].value for i in decided]
-    if aggregation in ("any", "all"):
-        true = np.array([bool(value) for value in values])
-        about |= _probability(true, chances(ensemble, decided, [results[i] for i in decided], names), ensemble)
-        split = decisive_split(parameters, true)
-        margins = np.array([_number(results[i].margin) for i in decided])
-        about |= {
-            "decided_by": None if split is None else split.to_dict(),
-            "decided_by_in_words": None if split is None else _split_in_words(split, ensemble.units),
-        }
-        known = np.isfinite(margins)
-        if known.any():
-            unit = next(results[i].margin_unit for i in decided if results[i].margin is not None)
-            about["margin"] = {"unit": unit, "known_in": int(known.sum()), **quantiles(margins[known])}
-            about["margin_goes_with"] = [r.to_dict() for r in relations(parameters, margins)]
-        return about
-    numbers = np.array([_number(value) for value in values])
-    known = np.isfinite(numbers)
-    about["never"] = int((~known).sum())
-    if known.any():
-        unit = {"first": "s", "last": "s", "count": "times", "fraction": "1"}[aggregation]
-        about["value"] = {"unit": unit, f"interval_{PERCENT}": interval_of(numbers[known])}
-        about["goes_with"] = [r.to_dict() for r in relations(parameters, numbers)]
-    if 0 < known.sum() < len(known):
-        split = decisive_split(parameters, known)
-        about["occurrence_decided_by"] = None if split is None else split.to_dict()
-    return about
+    """Return how probable a statement is by the members that decide it, what decides it, and what its margin goes with.
 
-
-def query_in_words(about: dict[str, Any], aggregation: Aggregation) -> str:
-    """The same as a clause."""
-    members, unknown = about["members"], about["unknown"]
-    rest = f", unknown in {unknown}" if unknown else ""
-    if unknown == members:
-        return f"unknown in all {members} members: {about['reason']}"
-    if aggregation in ("any", "all"):
-        low, high = about["probability_interval"]
-        text = (
-            f"true in {about['true']} of {members - unknown}{rest}: probability {about['probability']:.2g} "
-            f"({PERCENT} interval {low:.2g} to {high:.2g})"
-        )
-        if "less_sure_because" in about:
-            text += f", no surer because {about['less_sure_because']}"
-        if about["decided_by_in_words"] is not None:
-            return f"{text}; {about['decided_by_in_words']}"
-        goes = about.get("margin_goes_with") or []
-        return text + (f"; the margin goes with {_related(goes)}" if goes else "")
-    if "value" not in about:
-        return f"never, in any of {members - unknown}{rest}"
-    spread = about["value"][f"interval_{PERCENT}"]
-    unit = about["value"]["unit"]
-    text = f"median {spread['median']:.4g} {unit if unit != '1' else ''}".rstrip()
-    text += f" ({PERCENT} interval {spread['from']:.4g} to {spread['to']:.4g})"
-    text += f", never in {about['never']} of {members - unknown}" if about["never"] else ""
-    return text + rest
-
-
-def together(
-    ensemble: Ensemble, results: Sequence[Sequence[QueryResult]], names: Sequence[Sequence[str]]
-) -> dict[str, Any]:
-    """Count members in which all, and any, of several statements hold; members where one is unknown are left out.
-
-    Errors of prediction of one member are taken as independent from statement to statement.
-
-    names: of the objects that each statement is about.
+    members: their numbers. results: their answers, in the same order.
     """
-    members = [i for i in range(ensemble.size) if all(row[i].decided for row in results)]
-    if not members:
-        return {"all": _none(), "any": _none()}
-    table = np.array([[bool(row[i].value) for i in members] for row in results])
-    each = np.array(
-        [chances(ensemble, members, [row[i] for i in members], own) for row, own in zip(results, names, strict=True)]
-    )
+    parameters = varying(ensemble.parameters, members)
+    true = np.array([bool(result.value) for result in results])
+    each = chances(ensemble, members, results, statement)
+    split = decisive_split(parameters, true)
+    mean = float(each.mean())
+    part = float(each.var()) / max(mean * (1.0 - mean), 1e-12)  # of the variance of true and false
+    margins = np.array([_number(result.margin) for result in results])
+    chance = _probability(true, each, ensemble)
     return {
-        "all": _probability(np.logical_and.reduce(table), each.prod(axis=0), ensemble),
-        "any": _probability(np.logical_or.reduce(table), 1.0 - (1.0 - each).prod(axis=0), ensemble),
+        "probability": chance["probability"],
+        "less_sure_because": chance.get("less_sure_because"),
+        "decided_by": None if split is None else split.to_dict(),
+        "goes_with": [r.to_dict() for r in relations(parameters, margins, part)],
     }
 
 
@@ -383,7 +318,7 @@ def _probability(true: NDArray[np.bool_], chance: Array, ensemble: Ensemble) -> 
         expected = Probability(float(chance.sum()), len(chance))
         found |= {"probability": expected.share, "probability_interval": list(expected.interval)}
         if abs(expected.share - found["true"] / len(true)) >= SETTINGS.notable:
-            reasons.append("it is decided after the last fitted frame, where predictions drift")
+            reasons.append("it is decided after the last fitted frame")
     if ensemble.wrong:
         sure = 1.0 - ensemble.wrong
         found["probability"] = sure * found["probability"] + 0.5 * ensemble.wrong
@@ -402,19 +337,11 @@ def _counted_true(true: int, members: int) -> dict[str, Any]:
     }
 
 
-def _none() -> dict[str, Any]:
-    return {"true": 0, "false": 0, "probability": None, "probability_interval": None}
-
-
 def _split_in_words(split: Split, units: dict[str, str]) -> str:
     unit = units.get(split.parameter, "1")
     side = "above" if split.true_where == "below" else "below"
     value = f"{split.threshold:.3g}" + (f" {unit}" if unit not in ("", "1") else "")
     return f"false where {split.parameter} is {side} {value} ({split.agree} of {split.members} members agree)"
-
-
-def _related(goes: Sequence[dict[str, Any]]) -> str:
-    return ", ".join(f"{row['parameter']} (rank correlation {row['rank_correlation']:.2f})" for row in goes)
 
 
 def _number(value: float | int | bool | None) -> float:

@@ -55,9 +55,9 @@ class Lineage:
 class Ensemble:
     """The members of a world rolled out alike.
 
-    parameters: name -> values (N,) of what was sampled, after any edit. wrong: probability that the fitted world, whose
-    parameters alone the members vary, answers as chance would; why: what speaks for that. fitted_until [s]: time of the
-    last sample that the fit used.
+    parameters: name -> values (N,): constants as fitted, and what of a single object was sampled, after any edit.
+    wrong: probability that the fitted world, whose parameters alone the members vary, answers as chance would; why:
+    what speaks for that. fitted_until [s]: time of the last sample that the fit used.
     """
 
     worlds: tuple[World, ...]
@@ -77,7 +77,7 @@ class Ensemble:
 def keep_sample(app: App, fitted: World, sample: Sample) -> None:
     """Store the posterior sample of a fitted world; its values are relative to the world that the fit started from."""
     document = {"start": sample.start.id, **sample.to_dict()}
-    draws = {f"constants/{name}": values for name, values in sample.constants.items()}
+    draws = {f"constants/{c.unknown.name}": c.draws for c in sample.constants}
     app.store.fits.put(SAMPLE, {"world": fitted.id}, document, {"values": sample.values, **draws})
 
 
@@ -87,12 +87,11 @@ def stored_sample(app: App, world: str) -> Content | None:
 
 
 def sample_in_words(sample: Content) -> dict[str, Any]:
-    """Summarize a posterior sample for an agent: its size, what of it the data do not determine, doubts."""
+    """Summarize a posterior sample for an agent: its size, and what it is worth."""
     document = sample.document
     return {
         "members": len(sample.arrays["values"]),
         "seed": document["seed"],
-        "from_prior": document["from_bounds"],
         "effective": document["effective"],
     }
 
@@ -193,12 +192,13 @@ def _ensemble(app: App, descent: Lineage, count: int, content: Content) -> Ensem
         own = {k.partition("/")[2]: v for k, v in content.arrays.items() if k.startswith(f"{i}/")}
         rollouts.append(rollout_from(document, own))
     worlds = _members(app, descent, count)
+    parameters, units = _constants(descent.sample, worlds, count)
     known = parameter_paths(worlds[0])
-    parameters = {}
+    tied = {path for name in parameters for path in descent.sample.document["constants"][name]["paths"]}
     for i, u in enumerate(unknowns):
         path = next((path for path in u["paths"] if path in known), None)
-        if path is not None:
-            parameters[_short(u["name"])] = _values(worlds, path, values[:, i])
+        if path is not None and path not in tied:
+            parameters[_short(u["name"])], units[_short(u["name"])] = _values(worlds, path, values[:, i]), u["unit"]
     wrong, why = chance_of_wrong(verdict_of(app, descent.fitted))
     return Ensemble(
         wrong=wrong,
@@ -207,8 +207,32 @@ def _ensemble(app: App, descent: Lineage, count: int, content: Content) -> Ensem
         worlds=worlds,
         rollouts=tuple(rollouts),
         parameters=parameters,
-        units={_short(u["name"]): u["unit"] for u in unknowns},
+        units=units,
     )
+
+
+def _constants(sample: Content, worlds: tuple[World, ...], count: int) -> tuple[dict[str, Array], dict[str, str]]:
+    """Return values (N,) and units of the fitted constants that every member has and the edits leave, by name.
+
+    An object's friction is the square of what it has on the surface over the surface's own: the constants alone bear
+    the names of the fit.
+    """
+    found: dict[str, Array] = {}
+    units: dict[str, str] = {}
+    size = len(sample.arrays["values"])
+    for name, about in sample.document["constants"].items():
+        draws = sample.arrays[f"constants/{name}"]
+        whole = not about["paths"][0].endswith(".restitution")  # in which every collision has an error of its own
+        if len(draws) == size - 1 and whole and any(_differs(worlds, path) for path in about["paths"]):
+            found[name], units[name] = np.concatenate([[about["value"]], draws])[:count], about["unit"]
+    return found, units
+
+
+def _differs(worlds: tuple[World, ...], path: str) -> bool:
+    """Whether members differ in the value at a path."""
+    if path not in parameter_paths(worlds[0]):
+        return False
+    return len({read_parameter(world, path) for world in worlds}) > 1
 
 
 def _values(worlds: tuple[World, ...], path: str, sampled: Array) -> Array:

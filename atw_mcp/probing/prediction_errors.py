@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.probing.ensembles import Ensemble
-from polyworld.estimation.accuracy import travelled, travelled_by_axis
+from polyworld.estimation.accuracy import travelled, travelled_by_axis, with_model_error
 from polyworld.estimation.fit_settings import ModelSettings
+from polyworld.probing.margins import state_margin
+from polyworld.probing.predicates import AtRest, ComesToRest, Moving, Predicate, names_in
 from polyworld.probing.query import QueryResult
 from polyworld.trajectory import Rollout
 from polyworld.world import geometry
@@ -37,29 +39,76 @@ class PredictionErrorSettings:
 SETTINGS = PredictionErrorSettings()
 
 
-def chances(ensemble: Ensemble, members: Sequence[int], results: Sequence[QueryResult], names: Sequence[str]) -> Array:
+def chances(ensemble: Ensemble, members: Sequence[int], results: Sequence[QueryResult], statement: Predicate) -> Array:
     """Return the probability (n,) of a statement in each member, 0 or 1 where it is decided within the fitted frames.
 
-    members: their numbers. results: their answers, all decided. names: of the objects that the statement is about.
-    With a margin m and an error of half width s the probability is 1/2 + arctan(m / s) / pi (Cauchy): a share of the
-    distance travelled since the last fitted frame for a margin [m], of the mean speed since then for one [m/s].
+    members: their numbers. results: their answers, all decided.
+    With a margin m [m] and an error of half width s, a share of the distance travelled since the last fitted frame, the
+    probability is 1/2 + arctan(m / s) / pi (Cauchy). Of speeds and of coming to rest it is the share of
+    `paces` at which the statement holds.
     """
     found = np.array([float(bool(result.value)) for result in results])
     for row, (member, result) in enumerate(zip(members, results, strict=True)):
         decided_at = _decided_at(result)
         if decided_at <= ensemble.fitted_until:
             continue
-        fast = result.margin_unit == "m/s"
-        if result.margin is None or not (fast or result.margin_unit == "m") or (result.margin == 0.0 and result.value):
+        if isinstance(statement, AtRest | Moving):
+            found[row] = _of_speed(ensemble, member, statement, result.covered or (0.0, decided_at))
+            continue
+        if isinstance(statement, ComesToRest) and result.value and result.covered is not None:
+            times = happening(np.array([decided_at]), ensemble.fitted_until)
+            found[row] = np.mean((times >= result.covered[0]) & (times <= result.covered[1]))
+            continue
+        if result.margin is None or result.margin_unit != "m" or (result.margin == 0.0 and result.value):
             found[row] = (1.0 - SETTINGS.other) * found[row] + 0.5 * SETTINGS.other
             continue
-        rollout = ensemble.rollouts[member]
-        width = ModelSettings().path * distance(rollout, names, ensemble.fitted_until, decided_at)
-        if fast:
-            width /= min(decided_at, float(rollout.trajectory.times[-1])) - ensemble.fitted_until
+        width = ModelSettings().path * distance(
+            ensemble.rollouts[member], names_in(statement), ensemble.fitted_until, decided_at
+        )
         if width > 0.0:
             found[row] = 0.5 + np.arctan(result.margin / width) / np.pi
     return found
+
+
+def paces(times: Array, since: float) -> tuple[Array, Array]:
+    """Return equally probable factors (P, T) by which the world goes faster than a member after the last fitted frame,
+    and when (P, T) a member is where the world is at some times (T,) [s].
+
+    The distance travelled is then off by the share that places are off by: the same error, along the path. A body slows
+    down that much later or earlier, and one that came to rest long ago is at rest.
+    """
+    factors = np.where(times > since, np.exp(with_model_error(np.zeros(1), np.ones(1)))[:, None], 1.0)
+    return factors, np.where(times > since, since + (times - since) * factors, times)
+
+
+def happening(times: Array, since: float) -> Array:
+    """Return when (P, T) [s], at equally probable paces, the world does what a member does at some times (T,)."""
+    factors, _ = paces(times, since)
+    found: Array = np.where(times > since, since + (times - since) / factors, times)
+    return found
+
+
+def speeds(ensemble: Ensemble, member: int, name: str, time: float) -> Array:
+    """Return the speed (P,) [m/s] of an object's centre at a time, at equally probable paces."""
+    trajectory = ensemble.rollouts[member].trajectory
+    factors, at = paces(np.array([time]), ensemble.fitted_until)
+    own = trajectory.velocities[:, trajectory.index(name)].T
+    read = np.array([np.interp(at[:, 0], trajectory.times, column) for column in own])
+    found: Array = factors[:, 0] * np.linalg.norm(read, axis=0)
+    return found
+
+
+def _of_speed(ensemble: Ensemble, member: int, statement: AtRest | Moving, covered: tuple[float, float]) -> float:
+    """Return the share of paces at which a statement about a speed holds at some time."""
+    trajectory = ensemble.rollouts[member].trajectory
+    margin = state_margin(trajectory, ensemble.worlds[member], statement).margin
+    inner = (trajectory.times > covered[0]) & (trajectory.times < covered[1])
+    grid = np.concatenate([[covered[0]], trajectory.times[inner], [covered[1]]])
+    factors, at = paces(grid, ensemble.fitted_until)
+    short = margin if isinstance(statement, AtRest) else -margin  # threshold less speed
+    short = factors * np.interp(at, trajectory.times, short) + (1.0 - factors) * statement.speed
+    holds = short > 0.0 if isinstance(statement, AtRest) else short < 0.0
+    return float(holds.any(axis=1).mean())
 
 
 def distance(rollout: Rollout, names: Sequence[str], start: float, end: float) -> float:

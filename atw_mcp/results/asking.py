@@ -53,7 +53,7 @@ class AnswerToOne(Result):
 class AnswersToAll(Result):
     """Data of Ask."""
 
-    answers: list[AnswerToOne] = Field(description="one for each question, in order")
+    answers: list[AnswerToOne] = Field(description="one for each question, or number of a list, in order")
     members: int = Field(description="worlds that the data allow, each asked everything")
     weights: dict[str, float] | None = Field(default=None, description="of the candidate worlds named, by id")
     until: float = Field(description="time to which they were run [s]")

@@ -21,7 +21,15 @@ class Decides(Result):
     """A constant that decides where a body goes."""
 
     constant: str
-    part: float = Field(description="of the variance that it explains")
+    share_of_variance: float = Field(description="of where it is then, that the constant explains")
+
+
+class HalfWidths(Result):
+    """Half widths of the 80% interval of a place [m], by how far ahead it is predicted."""
+
+    cut: float = Field(description="in the first frame left out")
+    half_a_second: float = Field(alias="0.5_s_after", description="0.5 s after the clip")
+    a_second: float = Field(alias="1_s_after", description="1 s after the clip")
 
 
 class BodyPrediction(Result):
@@ -29,21 +37,20 @@ class BodyPrediction(Result):
 
     object: str
     error: float | None = Field(description="root mean square distance [m]; null where it was not seen there")
-    last: float | None = Field(description="distance at the last frame [m]; null likewise")
-    stays: float | None = Field(description="the same error of a body that stays where it was last seen [m]")
-    noise: float = Field(description="of a distance [m]")
-    spread: list[float] = Field(
-        description="half widths of 80% intervals [m] at the first frame left out, 0.5 and 1 s after the last frame"
-    )
-    decided_by: list[Decides] = Field(description="what decides the last of them")
+    error_had_it_stayed: float | None = Field(description="error of a body that stays where it was last seen [m]")
+    noise: float = Field(description="of a measured place [m]")
+    half_width80: HalfWidths
+    decided_by: list[Decides] = Field(description="what decides where it is 1 s after the clip")
 
 
 class Prediction(Result):
     """How the frames left out are predicted."""
 
-    frame: int = Field(description="the first of them")
+    first_frame_left_out: int
     bodies: list[BodyPrediction]
-    inside: float | None = Field(description="part of their coordinates within 80% intervals")
+    inside: float | None = Field(
+        alias="share_inside_80%", description="of its measured coordinates, 80% intervals hold"
+    )
 
 
 class FittedNumber(Result):
@@ -53,7 +60,7 @@ class FittedNumber(Result):
     value: float = Field(description="in its unit")
     unit: str = Field(description="1 where it has none")
     interval80: list[float] = Field(description="holds 80% of what the data allow")
-    prior: str | None = Field(description="what is ordinary; null where nothing is assumed")
+    prior80: list[float] | None = Field(description="holds 80% before the data; null where nothing is assumed")
     from_prior: bool = Field(description="whether the data say little and the value is the prior's")
     at_bound: bool = Field(description="whether it lies on a bound of the search")
 
@@ -70,7 +77,6 @@ class PosteriorSample(Result):
 
     members: int
     seed: int
-    from_prior: list[str] = Field(description="values that the data do not determine")
     effective: float = Field(description="number of independent draws that the members are worth")
 
 

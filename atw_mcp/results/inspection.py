@@ -27,7 +27,7 @@ from atw_mcp.results.documents import (
 from atw_mcp.results.values import Vector
 
 Turn = Annotated[list[float], Field(min_length=4, max_length=4)]
-Origin = Literal["fitted", "edited", "observed", "given or default"]
+Origin = Literal["fitted", "edited", "observed", "assumed", "given or default"]
 Bounds = Annotated[list[float | None], Field(min_length=2, max_length=2)]
 
 

@@ -42,8 +42,8 @@ class BodyError(Result):
     object: str
     error_m: float = Field(description="root mean square [m]")
     error_px: float | None = Field(description="root mean square [px]; null without a camera")
-    of_radius: float = Field(description="error over the object's radius")
-    of_noise: float | None = Field(description="error over the noise of its track; null where that states none")
+    error_over_radius: float
+    error_over_noise: float | None = Field(description="of its track; null where that states none")
     frames: int = Field(description="number of frames compared")
 
 
@@ -95,6 +95,7 @@ class ModelledVideo(_Modelling):
     other: OtherWorld | None = Field(default=None, description="missing where one representation alone was fitted")
     rolling: str = Field(description="how what can roll moves, as the evidence has it")
     values: list[FittedNumber] | None = Field(default=None, description="constants: frictions, restitutions, dampings")
+    contacts: str = Field(description="what friction and restitution of NAME are in a contact")
     prediction: Prediction | None = Field(default=None, description="of the frames left out, and of what comes after")
 
 

@@ -55,7 +55,7 @@ class Grounds(Result):
     touches_within_m: float | None = Field(default=None, description="gap up to which a fluid touches [m]")
     closest_approach: Approach | None = None
     passes_at_s: dict[str, float | None] | None = Field(default=None, description="by object [s]; null: never")
-    comes_to_rest_at_s: dict[str, float | None] | None = Field(default=None, description="by object [s]; null: never")
+    comes_to_rest_at_s: list[float] | None = Field(default=None, description="[s]")
 
 
 class Split(Result):
@@ -85,55 +85,6 @@ class Chance(Result):
     less_sure_because: str | None = Field(default=None, description="only where it differs from the count")
 
 
-class Margins(Result):
-    """Quantiles of the margin over the members, positive where true."""
-
-    unit: str
-    known_in: int = Field(description="number of members")
-    q5: float = Field(alias="5%")
-    q25: float = Field(alias="25%")
-    q50: float = Field(alias="50%")
-    q75: float = Field(alias="75%")
-    q95: float = Field(alias="95%")
-
-
-class NumberSpread(Result):
-    """A time, count or share over the members."""
-
-    unit: str
-    interval: Spread = Field(alias="interval_90%")
-
-
-class MembersUnknown(Result):
-    """No member decides the statement."""
-
-    members: int
-    unknown: int
-    reason: str | None
-
-
-class MembersTrue(Chance):
-    """In how many members a statement is true."""
-
-    members: int
-    unknown: int
-    decided_by: Split | None = Field(description="null: no parameter clearly does")
-    decided_by_in_words: str | None
-    margin: Margins | None = Field(default=None, description="missing: the statement has none")
-    margin_goes_with: list[Relation] | None = Field(default=None, description="with margin")
-
-
-class MembersNumber(Result):
-    """A number over the members."""
-
-    members: int
-    unknown: int
-    never: int = Field(description="members in which it never holds")
-    value: NumberSpread | None = Field(default=None, description="missing: never in any")
-    goes_with: list[Relation] | None = Field(default=None, description="with value")
-    occurrence_decided_by: Split | None = Field(default=None, description="where it holds in some; null: not clear")
-
-
 class Answered(Result):
     """Data of QueryWorld for one predicate."""
 
@@ -154,26 +105,12 @@ class Answered(Result):
     predicate: Statement
     aggregation: Aggregation
     covers: Covers | None
-    ensemble: MembersTrue | MembersNumber | MembersUnknown | None = Field(
-        default=None, description="only where it was asked for"
-    )
-    best_fit_is_in_the_minority: Literal[True] | None = Field(
-        default=None, description="only where most members answer otherwise"
-    )
-
-
-class Together(Result):
-    """How probable it is that all, and that any, of the statements hold."""
-
-    all: Chance
-    any: Chance
 
 
 class AnsweredSeveral(Result):
     """Data of QueryWorld for several predicates."""
 
     answers: list[Answered] = Field(description="one for each, in order")
-    together: Together | None = Field(default=None, description="only with ensemble, of any and all")
 
 
 class KeptEvent(Result):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -18,9 +17,10 @@ from atw_mcp.calls.jobs import LongWork, Progress
 from atw_mcp.calls.names import object_name
 from atw_mcp.calls.results import Answer, explained
 from atw_mcp.calls.toolbox import ToolGroup
-from atw_mcp.probing.asking import AGGREGATIONS, Asked, HowFar, Question, answered
+from atw_mcp.probing.asking import answered, brief, in_words
 from atw_mcp.probing.candidates import counts, mixture, weights
 from atw_mcp.probing.ensembles import LEAST, MEMBERS, Ensemble, compute_ensemble, lineage
+from atw_mcp.probing.questions import AGGREGATIONS, SCANNED, Asked, HowFar, Question, scanned
 from atw_mcp.results.asking import AnswersToAll
 from atw_mcp.tools.experimentation import PATIENCE, CaseId, read_edits
 from atw_mcp.tools.querying import read_statement
@@ -40,7 +40,7 @@ EXAMPLE = {
     "predicate": {"predicate": "collides", "a": "red", "b": "blue"},
     "edits": [{"action": "remove", "object": "green"}],
 }
-SHOWN_RELATIONS = 2  # in words: the strongest
+MOST = 32  # answers in one call
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def ask(
     questions: Annotated[
         list[One],
         Field(
-            description="each with what is asked and, for what would happen otherwise, edits. "
+            description="each with what is asked and, for what if, edits (a list as factor or value: an answer each). "
             + QUESTIONS["description"],
             min_length=1,
             max_length=16,
@@ -103,8 +103,12 @@ def ask(
     bases = tuple(bases[k] for k in order)
     base = bases[0]
     read: list[Asked] = []
+    each = [(k, one) for k, given in enumerate(questions, start=1) for one in scanned(given, f"question {k}")]
+    if len(each) > MOST:
+        raise ToolError(f"{len(each)} answers are asked for, with those of lists of numbers: ask for {MOST} at most")
+    questions = [one for _, one in each]
     plans: dict[str, _Plan] = {}
-    for number, given in enumerate(questions, start=1):
+    for place, (number, given) in enumerate(each):
         what = f"question {number}"
         try:
             branched, edits, one = _read(app, found, bases, given, what)
@@ -114,12 +118,12 @@ def ask(
         read.append(one)
         key = json.dumps(edits, sort_keys=True)
         numbers = plans[key].numbers if key in plans else ()
-        plans[key] = _Plan(branched, edits, (*numbers, number - 1))
+        plans[key] = _Plan(branched, edits, (*numbers, place))
     observed = (base.time.frame_count - 1) * base.time.seconds_per_frame
     wanted = horizon_seconds or max([observed, *(one.latest for one in read)]) or None
-    late = [i for i, one in enumerate(read, start=1) if wanted is not None and one.latest > wanted + 1e-9]
+    late = [(k, one.latest) for (k, _), one in zip(each, read, strict=True) if wanted and one.latest > wanted + 1e-9]
     if late:
-        raise ToolError(f"question {late[0]} asks for {read[late[0] - 1].latest:g} s, after horizon_seconds {wanted:g}")
+        raise ToolError(f"question {late[0][0]} asks for {late[0][1]:g} s, after horizon_seconds {wanted:g}")
     for plan in plans.values():
         for parent, changed in zip(bases, plan.worlds, strict=True):
             with explained("Ask with a shorter horizon"):
@@ -212,11 +216,18 @@ def _answer(
     """Answer one question and record it as evidence of its own."""
     about = answered(asked, ensemble, best, plan.worlds[0]) | ({} if alone is None else {"by_world": alone})
     samples = [lineage(app, case, world).sample for world in plan.worlds]
-    unseen = {name.removeprefix("objects.") for sample in samples for name in sample.document["from_bounds"]}
+    unseen = {name.removeprefix("objects.") for sample in samples for name in sample.document["from_prior"]}
     named = [about["decided_by"]["parameter"]] if about.get("decided_by") else []
     named += [row["parameter"] for row in about.get("goes_with") or []]
     row: dict[str, Any] = {"question": _with_edits(plan, asked.in_words(best.horizon))}
-    row |= {"answer": _in_words(about, named, unseen), "rollout": rollout, "edits": list(plan.edits) or None, **about}
+    late = asked.enters(plan.worlds[0])
+    since = "" if late is None else f"; from {late[1]:.4g} s on, when {late[0]} enters"
+    row |= {
+        "answer": in_words(about, named, unseen) + since,
+        "rollout": rollout,
+        "edits": list(plan.edits) or None,
+        **about,
+    }
     row["from_prior"] = [name for name in dict.fromkeys(named) if name in unseen] or None
     row = {k: v for k, v in row.items() if k != "reason" and (k in ("best_fit", "unknown") or v not in (None, []))}
     record = app.store.evidence.add(
@@ -252,42 +263,12 @@ def _by_world(
 def _with_edits(plan: _Plan, question: str) -> str:
     if not plan.edits:
         return question
-    made = [" ".join(str(edit[k]) for k in ("action", "object", "name") if k in edit) for edit in plan.edits]
+    named = ("action", "object", "name", "path", *SCANNED)
+    made = [
+        " ".join(f"{k}={edit[k]:.4g}" if k in SCANNED else str(edit[k]) for k in named if edit.get(k) is not None)
+        for edit in plan.edits
+    ]
     return f"with {', '.join(made)}: {question}"
-
-
-def _in_words(about: dict[str, Any], named: list[str], unseen: set[str]) -> str:
-    if "reason" in about:
-        return f"unknown: {about['reason']}"
-    if "probability" in about:
-        text = f"probability {about['probability']:.2g}"
-    elif "probabilities" in about:
-        shares = sorted(about["probabilities"].items(), key=lambda item: -item[1])
-        text = ", ".join(f"{label}: {share:.2g}" for label, share in shares)
-    elif "place" in about:
-        text = ", ".join(f"{axis} {_spread(about['place'][axis])}" for axis in "xyz") + " m, with 80% intervals"
-    elif "value" in about:
-        text = f"{_spread(about['value'])} {about['unit']}, with its 80% interval"
-        text += f", never with probability {about['never']:.2g}" if about.get("never") else ""
-    else:
-        text = "never, in any member"
-    if about["unknown"]:
-        text += f"; unknown in {about['unknown']} of {about['members'] + about['unknown']} members"
-    if about.get("less_sure_because"):
-        text += f"; no surer because {about['less_sure_because']}"
-    split = about.get("decided_by")
-    if split:
-        text += f"; decided by {split['parameter']}: true {split['true_where']} {split['threshold']:.3g}"
-    elif named:
-        text += f"; goes with {', '.join(named[:SHOWN_RELATIONS])}"
-    prior = [name for name in named[: 1 if split else SHOWN_RELATIONS] if name in unseen]
-    return text + (f" ({', '.join(prior)}: no frame shows it, taken from its prior)" if prior else "")
-
-
-def _spread(about: dict[str, Any]) -> str:
-    narrow = _narrow(about)
-    low, high = narrow["80%"]
-    return f"{narrow['median']:g} ({low:g} to {high:g})"
 
 
 def _together(
@@ -303,27 +284,8 @@ def _together(
     return Answer(
         summary=f"{len(rows)} answers of {MEMBERS} worlds that the data allow, run to {horizon:.4g} s",
         data={"answers": rows, **whole},
-        shown={"answers": [_brief(row) for row in rows], **whole},
+        shown={"answers": [brief(row) for row in rows], **whole},
         case=case.id,
         world=base.id,
         interval=(0.0, horizon),
     )
-
-
-def _brief(row: dict[str, Any]) -> dict[str, Any]:
-    """Return an answer without what its own record repeats: the answer in words, and its numbers."""
-    brief = {name: row[name] for name in ("question", "answer", "evidence", "rollout")}
-    names = ("probability", "probabilities", "never", "unit", "by_world")
-    brief |= {name: row[name] for name in names if name in row}
-    if "value" in row:
-        brief["value"] = _narrow(row["value"])
-    if "place" in row:
-        brief["place"] = {axis: _narrow(row["place"][axis]) for axis in "xyz"}
-    return brief
-
-
-def _narrow(spread: dict[str, Any]) -> dict[str, Any]:
-    """Return median and 80% interval to the digits that its width allows."""
-    low, high = spread["80%"]
-    digits = max(0, 2 - math.floor(math.log10(high - low))) if high > low else 4
-    return {"median": round(spread["median"], digits), "80%": [round(low, digits), round(high, digits)]}

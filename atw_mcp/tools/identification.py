@@ -101,7 +101,7 @@ def fit_world(
     that were left out are predicted. Constants (friction, restitution, dampings) are tied by material where BuildWorld
     states one, else by object; masses given are kept. Returns a new world, the error on frames left out (prediction),
     intervals 0.5 and 1 s ahead with what decides them, every value with its 80% interval and prior, and what the data
-    leave open. A sample of what the data allow is kept for ensemble=N of Rollout, QueryWorld and CompareWorlds. The
+    leave open. A sample of what the data allow is kept for Ask, and ensemble=N of Rollout and CompareWorlds. The
     same request is never computed twice. Next: InspectRollout to see it over the frames, CommitWorld when it follows
     the video."""
     found = app.case(case)
@@ -248,8 +248,6 @@ def _fit_answer(
     rows, count = open_questions(document)
     fits = [item.id for item in app.store.evidence.of_case(case.id, tool="FitWorld") if item.status == "completed"]
     better = lower_draft([app.store.evidence.get(item) for item in fits], document, observation)
-    if better is not None:
-        doubtful.append(f"draft {better['world']} has a lower loss on the same frames, {better['loss']:.3g}")
     cancelled = "cancelled; best so far: " if document["status"] == "cancelled" else ""
     sample = stored_sample(app, fitted.id)
     shape = accuracy.get("shape_rms_in_sigma") if accuracy else None
@@ -271,7 +269,7 @@ def _fit_answer(
         "position_rmse_by_object": accuracy["position_rmse_by_object"] if accuracy else None,
         "frames": document["fitted_frames"],
         "values": [
-            {k: value[k] for k in ("name", "value", "unit", "interval80", "prior", "from_prior", "at_bound")}
+            {k: value[k] for k in ("name", "value", "unit", "interval80", "prior80", "from_prior", "at_bound")}
             for value in document["values"]
         ],
         "contacts": CONTACTS,
@@ -295,7 +293,8 @@ def _fit_answer(
         summary=f"{cancelled}{verdict_in_words(document)} world {fitted.id}: {_short(accuracy)}"
         + (f"; {ahead}" if ahead else "")
         + f" (the starting world {start.id}, before any fit: {_short(before)})"
-        + "".join(f". WARNING: {text}" for text in doubtful),
+        + "".join(f". WARNING: {text}" for text in doubtful)
+        + ("" if better is None else f". Draft {better['world']} has a lower loss on the same frames"),
         data={
             **{key: value for key, value in shown.items() if key not in ("undetermined", "undetermined_whole")},
             **document,  # whole lists

@@ -117,9 +117,10 @@ def read_property(
     world: WorldId = None,
 ) -> Answer:
     """Read a physical property from a world without running it: value, unit, and how it is known. fitted values come
-    with their standard error; observed ones were read off the tracks; given or default ones were never inferred from
-    the video, so they are no evidence about it; edited ones were set in a branch. A contact's friction and restitution
-    are each the geometric mean of both bodies' values, or the object's own where a static has none."""
+    with their standard error; observed ones were read off the tracks; assumed ones are spins that no frame shows; given
+    or default ones were never inferred from the video, so they are no evidence about it; edited ones were set in a
+    branch. A contact's friction and restitution are each the geometric mean of both bodies' values, or the object's own
+    where a static has none."""
     found_case = app.case(case)
     found = app.world(found_case, world)
     if "." in property:
@@ -220,8 +221,9 @@ def _size(world: World, item: Deformable, property: str) -> dict[str, Any]:
 
 def _vector(app: App, case: Case, world: World, item: RigidObject | Deformable, property: str) -> dict[str, Any]:
     path = f"objects.{item.name}.{property}"
-    known = knowledge(app, case, world, f"{path}.x")
-    errors = [knowledge(app, case, world, f"{path}.{axis}").detail.get("standard_error") for axis in "xyz"]
+    axes = [knowledge(app, case, world, f"{path}.{axis}") for axis in "xyz"]
+    known = next((own for own in axes if own.origin in ("edited", "assumed", "fitted")), axes[0])
+    errors = [own.detail.get("standard_error") for own in axes]
     detail = {"standard_error": errors} if any(error is not None for error in errors) else {}
     at = getattr(item, "start_time", 0.0)
     unit = STATE_PARAMETERS[f"{property}.x"].unit
@@ -288,7 +290,7 @@ def _parameters(world: World, names: list[str]) -> dict[str, list[str]]:
 def _predicates(world: World) -> list[str]:
     """The predicates that something in this world can answer."""
     found = ["in_contact", "collides", "moving", "at_rest", "inside_region", "above", "below", "nearer_than"]
-    found += ["within_distance", "moved_by_more_than", "comes_to_rest_before", "passes_before", "reaches_before"]
+    found += ["within_distance", "moved_by_more_than", "comes_to_rest", "passes_before", "reaches_before"]
     if world.camera is not None or world.region is not None:
         found.append("in_view")
     forms = {material_of(d).form for d in world.deformables}

@@ -58,7 +58,11 @@ def model_video_tool(
     ] = "leave_out",
     points: Annotated[
         list[PointArgument] | None,
-        Field(min_length=4, max_length=200, description="camera: known points, 4 in one plane or 6 in space"),
+        Field(
+            min_length=4,
+            max_length=200,
+            description="camera: 4 known points in a plane or 6 in space (pixel 0, 0: the first's centre)",
+        ),
     ] = None,
     known_length: Annotated[
         LengthArgument | None, Field(description="camera: one known length, for a flat view")

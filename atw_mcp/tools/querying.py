@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -22,9 +21,6 @@ from atw_mcp.probing.ensemble_answers import (
     compared_members,
     comparison_answer,
     comparison_in_words,
-    query_answer,
-    query_in_words,
-    together,
 )
 from atw_mcp.probing.ensembles import Ensemble, EnsembleSize, compute_ensemble, lineage
 from atw_mcp.results.querying import Answered, AnsweredSeveral, ComparedRollouts
@@ -48,7 +44,7 @@ STATEMENT_EXAMPLE = {"predicate": "collides", "a": "red", "b": "blue"}
 
 @dataclass(frozen=True)
 class _Question:
-    """Question asked of every predicate, of the best fit and of each member of an ensemble alike."""
+    """Question asked of every predicate alike."""
 
     aggregation: Aggregation
     interval: list[float] | None
@@ -77,7 +73,7 @@ def query_world(
     predicates: Annotated[
         list[OneOfSeveral] | None,
         Field(
-            description="several at once, instead of predicate. Each is answered, and how often all hold",
+            description="several at once, instead of predicate",
             min_length=1,
             max_length=16,
         ),
@@ -95,15 +91,12 @@ def query_world(
         ),
     ] = None,
     frames: FrameRange = None,
-    ensemble: EnsembleSize = None,
-) -> Answer | LongWork:
+) -> Answer:
     """Decide a statement over a stretch of a rollout: true, false (or a time, a count, a share), or unknown with the
     reason. Unknown means that the rollout does not cover what is asked; it never means false. Of collides, in_contact
     and nearer_than it also gives the closest approach of the two surfaces: how narrow it was. Contacts are exact; the
     rest is judged on samples, sampled_every_s apart: Rollout with a smaller sample_seconds judges it finer.
-    With ensemble=40 it says how sure the answer is: in how many of 40 worlds that the data allow it is true, the
-    distribution of the margin (positive: true), and the parameter that decides it where one clearly does; times come
-    with a median and a 90% interval."""
+    Ask says how sure an answer is."""
     case, world, result = stored_rollout(app, rollout)
     if interval is not None and frames is not None:
         raise ToolError("give interval (seconds) or frames, not both")
@@ -116,29 +109,21 @@ def query_world(
     question = _Question(aggregation, interval, frames)
     with explained():
         answers = [question.of(result, world, statement) for statement in statements]
-    if ensemble is None:
-        return _query_answer(case, world, rollout, result, question, statements, answers, None)
-    lineage(app, case, world)  # refused before any work
-
-    def work(progress: Progress) -> Answer:
-        members = _members(app, case, world, rollout, result, ensemble, progress)
-        rows = []
-        with explained():
-            for number, statement in enumerate(statements):
-                progress.report(0.5 + 0.5 * number / len(statements), 1, "deciding in every member")
-                rows.append(
-                    [question.of(r, w, statement) for r, w in zip(members.rollouts, members.worlds, strict=True)]
-                )
-        return _query_answer(case, world, rollout, result, question, statements, answers, (members, rows))
-
-    asked = json.dumps([item.model_dump(mode="json") for item in statements], sort_keys=True)
-    return LongWork(
-        f"query {rollout} {ensemble} {aggregation} {interval} {frames} {asked}",
-        work,
-        Answer(
-            summary=f"asking {ensemble} members of {world.id}", data={}, case=case.id, world=world.id, rollout=rollout
-        ),
-        PATIENCE,
+    texts, rows = [], []
+    for statement, answer in zip(statements, answers, strict=True):
+        text, row = _answered(world, result, question, statement, answer)
+        texts.append(text)
+        rows.append(row)
+    covered = [answer.covered for answer in answers if answer.covered is not None]
+    return Answer(
+        summary="; ".join(texts) + diverged_in_words(result),
+        data=rows[0] if len(rows) == 1 else {"answers": rows},
+        case=case.id,
+        world=world.id,
+        rollout=rollout,
+        objects=tuple(dict.fromkeys(name for statement in statements for name in names_in(statement))),
+        interval=(min(a for a, _ in covered), max(b for _, b in covered)) if covered else None,
+        status=evidence_status(result),
     )
 
 
@@ -166,55 +151,6 @@ def _members(
             count,
             lambda share: progress.report(0.5 * share, 1, message),
         )
-
-
-def _query_answer(
-    case: Case,
-    world: World,
-    rollout: str,
-    result: Rollout,
-    question: _Question,
-    statements: list[Predicate],
-    answers: list[QueryResult],
-    ensemble: tuple[Ensemble, list[list[QueryResult]]] | None,
-) -> Answer:
-    texts, rows = [], []
-    for number, (statement, answer) in enumerate(zip(statements, answers, strict=True)):
-        text, row = _answered(world, result, question, statement, answer)
-        if ensemble is not None:
-            row["ensemble"] = query_answer(ensemble[0], ensemble[1][number], question.aggregation, names_in(statement))
-            text += f". Of the ensemble: {query_in_words(row['ensemble'], question.aggregation)}"
-            text += _against_the_best(row)
-        texts.append(text)
-        rows.append(row)
-    data: dict[str, Any] = rows[0] if len(rows) == 1 else {"answers": rows}
-    if len(rows) > 1 and ensemble is not None and question.aggregation in ("any", "all"):
-        data["together"] = together(*ensemble, [names_in(statement) for statement in statements])
-        texts.append(f"all of them hold in {data['together']['all']['true']} members")
-    covered = [answer.covered for answer in answers if answer.covered is not None]
-    return Answer(
-        summary="; ".join(texts) + diverged_in_words(result),
-        data=data,
-        case=case.id,
-        world=world.id,
-        rollout=rollout,
-        objects=tuple(dict.fromkeys(name for statement in statements for name in names_in(statement))),
-        interval=(min(a for a, _ in covered), max(b for _, b in covered)) if covered else None,
-        status=evidence_status(result),
-    )
-
-
-def _against_the_best(row: dict[str, Any]) -> str:
-    """That most members answer otherwise than the best fit does, whose answer comes first."""
-    about, verdict = row["ensemble"], row["verdict"]
-    if "true" not in about or verdict not in ("true", "false"):
-        return ""
-    share = about["true"] / (about["members"] - about["unknown"])
-    agreeing = share if verdict == "true" else 1.0 - share
-    if agreeing > 0.5:
-        return ""
-    row["best_fit_is_in_the_minority"] = True
-    return f". The best fit alone says {verdict}, with {100 * agreeing:.0f}% of the members: go by the probability"
 
 
 def _answered(

@@ -65,34 +65,17 @@ def _rms(accuracy: Mapping[str, Any] | None) -> float | None:
 
 
 def chances(store: EvidenceStore, evidence: Sequence[str]) -> list[Chance]:
-    """Return the probabilities of all statements that Ask and QueryWorld asked an ensemble about in this evidence."""
+    """Return the probabilities of all statements that Ask was asked about in this evidence."""
     found: list[Chance] = []
     for identifier in evidence:
         try:
             record = store.evidence.get(identifier)
-            if record.tool == "QueryWorld" and record.status == "completed":
-                data = record.payload["data"]
-                found += _of_rows(identifier, data.get("answers", [data]))
-            elif record.tool == "Ask" and record.status == "completed":
+            if record.tool == "Ask" and record.status == "completed":
                 data = record.payload["data"]
                 found += _asked(identifier, data.get("answers", [data]))
         except UNREADABLE:
             continue
     return found
-
-
-def _of_rows(evidence: str, rows: Iterable[Mapping[str, Any]]) -> list[Chance]:
-    return [
-        Chance(
-            evidence=evidence,
-            statement=_statement(row["predicate"]),
-            probability=about["probability"],
-            interval90=about.get("probability_interval"),
-            less_sure_because=about.get("less_sure_because") or "",
-        )
-        for row in rows
-        if (about := row.get("ensemble") or {}).get("probability") is not None
-    ]
 
 
 def _asked(evidence: str, rows: Iterable[Mapping[str, Any]]) -> list[Chance]:
@@ -107,9 +90,3 @@ def _asked(evidence: str, rows: Iterable[Mapping[str, Any]]) -> list[Chance]:
         for row in rows
         if "probability" in row
     ]
-
-
-def _statement(predicate: Mapping[str, Any]) -> str:
-    """Return a predicate in words: red cube collides blue cube."""
-    words = [predicate.get("a") or predicate.get("object"), predicate["predicate"], predicate.get("b")]
-    return " ".join(str(word).replace("_", " ") for word in words if word)

@@ -27,7 +27,7 @@ VAGUE = 0.2  # [m/s]; a short path whose curvature leaves its velocity less cert
 CURVING = 0.5  # [m/s^2]; how much a path taken as straight may curve all the same
 KEPT = 0.8  # share of a stretch that is kept when something ended it
 BIAS = 2.0  # factor on standard deviations: a stretch is long enough for its quadratic to be biased by about one
-FIRST = 8  # samples from which a first velocity is taken
+FIRST = 8  # samples from which a first place, velocity or turn is taken
 CLEARLY = 2.0  # ratio of the squares of a fall's and a line's misfit from which one of them is the better
 MISFIT = 4.0  # standard deviations by which a mean squared residual exceeds the noise where free motion has ended
 

@@ -108,6 +108,10 @@ class ObservedTracks:
             raise KeyError(f"unknown track {name!r}; tracks: {list(self.names)}")
         return self.names.index(name)
 
+    def shows_turning(self, name: str) -> bool:
+        """Whether two frames or more show how an object is turned."""
+        return int((self.orientation_confidence[:, self.index(name)] > 0.0).sum()) >= 2
+
     @property
     def observed_names(self) -> tuple[str, ...]:
         """Names of all objects of which anything is known: those with tracks, then those with shapes alone."""

@@ -39,7 +39,7 @@ from polyworld.estimation.stretches import Stretch, stretches
 from polyworld.estimation.study import Study, StudyRun
 from polyworld.estimation.support import supports, with_supports
 from polyworld.estimation.unknown import Unknown, joined
-from polyworld.estimation.whole_run import Through, refined, through
+from polyworld.estimation.whole_run import Through, through
 from polyworld.world import World
 from polyworld.world.geometry import circumscribed_radius
 from polyworld.world.shapes import Sphere
@@ -47,7 +47,6 @@ from polyworld.world.shapes import Sphere
 Array = NDArray[np.float64]
 
 Edit = Callable[[list[Unknown]], list[Unknown]]
-STATE = ("position", "velocity", "rotation", "angular_velocity")  # fields of a body at its start
 COSTLY = SamplingSettings(rounds=2, most=2, draws=32)  # of worlds with deformable bodies, whose rollouts take seconds
 Watch = Callable[[float, str, float], None]
 
@@ -192,7 +191,7 @@ class _Fit:
             runs.append(self._blocks(i, replace(run, tracks=own), rolling, cut))
         if not shared and not any(b.states.count for run in runs for b in run):
             raise ValueError("nothing to fit: no parameter shows in these tracks, or every one of them was fixed")
-        descent = self.settings.descent
+        descent = replace(self.settings.descent, alike=self._alike())
         if any(run.world.coupled for run in self.study.runs):
             descent = replace(descent, step=descent.wide)
         return Problem(runs, shared, descent)
@@ -233,7 +232,7 @@ class _Fit:
             cost_start=found.cost_start,
             misfit=minimum.misfit / max(count, 1),
             rolling=found.rolling,
-            others={f.rolling: f.minimum.cost for f in found.others},
+            others={f.rolling: f.evidence - found.evidence for f in found.others},
             effective=drawn[-1 if len(drawn) < 2 else 1][1].effective,
             rollouts=self.rollouts,
             seconds=0.0,
@@ -242,7 +241,7 @@ class _Fit:
 
     def _drawn(self, found: Found, sampling: SamplingSettings | None = None) -> Drawn:
         draws = sampling or (COSTLY if any(r.world.coupled for r in self.study.runs) else SamplingSettings())
-        return drawn_from(found, self.options.members, self.options.seed, replace(draws, alike=self._alike()))
+        return drawn_from(found, self.options.members, self.options.seed, draws)
 
     def _alike(self) -> float:
         """Return how many samples count as one, as far as noise does not hide what the model leaves."""
@@ -254,32 +253,20 @@ class _Fit:
 
     def _run(self, r: int, run: StudyRun, drawn: Drawn, early: Drawn, cut: int | None) -> FittedRun:
         found, shown, impact = drawn[0][0], self.shown[r], self.settings.priors.impact
-        blocks = found.problem.runs[r]
         led = self._through(drawn, r, run, impact)
-        start, joint = led.world, led.overrides
-        if len(blocks) > 1:
-            given = {p: float(v[0]) for p, v in joint.items()
-                     if p.startswith("effects.") or p.rsplit(".", 2)[-2] not in STATE}  # fmt: skip
-            coarse = with_values(_coarser(start, self.settings.descent.substep), given)
-            readout, times = tracks_readout(coarse, shown, self.sigma[r]), sample_times(coarse, shown)
-            joint = refined(led, coarse, blocks, readout, times, found.minimum.point.states[r][0], self.settings)
-        world = with_values(start, {path: float(v[0]) for path, v in joint.items()})
+        world = _first(led)
         prediction = held_out = None
         if early and cut is not None:
             before = early[0][0]
             members, names = members_of(early, r, -1, impact), constants_of(early)
             block, begin = before.problem.runs[r][-1], before.begins(r)
             prediction = predicted(block, members, run, self.sigma[r], cut, begin, names)
-            ended = world
-            if before is not found:
-                led = self._through(early[:1], r, run)
-                ended = with_values(led.world, {path: float(v[0]) for path, v in led.overrides.items()})
-            held_out = accuracy_of(ended, run.tracks, cut)
+            held_out = accuracy_of(_first(self._through(early[:1], r, run)), run.tracks, cut)
         return FittedRun(
             name=run.name,
             world=world,
-            start=start,
-            sample=joint,
+            start=led.world,
+            sample=led.overrides,
             accuracy=accuracy_of(world, shown),
             accuracy_start=accuracy_of(run.world, shown),
             held_out=held_out,
@@ -323,6 +310,11 @@ def _continued(problem: Problem, before: Found) -> tuple[Point, bool]:
             carried &= bool(same)
         states.append(tuple(found))
     return Point(at.shared, tuple(states)), carried
+
+
+def _first(led: Through) -> World:
+    """Return the world of the first member, the minimum."""
+    return with_values(led.world, {path: float(v[0]) for path, v in led.overrides.items()})
 
 
 def _coarser(world: World, substep: float) -> World:

@@ -103,16 +103,20 @@ class ModelSettings:
 class DescentSettings:
     """Least squares.
 
-    huber: standard deviations beyond which residuals count linearly. scale: of residuals in standard deviations of
-    the noise: priors count by its square, as if each residual were divided by it. dampings: factors on Marquardt's
-    parameter tried in one batch. rest: fall of chi-square below which an iteration gains nothing; twice in a row
-    ends a stage. step: share of a prior's deviation, or of a state's, by which derivatives are taken; wide: with
-    deformable bodies, whose particles and contacts come and go. substep [s]: of spatial worlds while they are
-    fitted: paths over a second then depart by a millimetre or less from those of finer steps.
+    scale: of residuals in standard deviations of the noise: priors and links count by its square, as if each residual
+    were divided by it. huber: standard deviations beyond which residuals count linearly. alike: samples that count as
+    one. same: relative change of the scale that moves a minimum by less than its error. dampings: factors on
+    Marquardt's parameter tried in one batch. rest: fall of chi-square, in squared scales, below which an iteration
+    gains nothing; twice in a row ends a stage. step: share of a prior's deviation, or of a state's, by which
+    derivatives are taken; wide: with deformable bodies, whose particles and contacts come and go. substep [s]: of
+    spatial worlds while they are fitted: paths over a second then depart by a millimetre or less from those of finer
+    steps.
     """
 
-    huber: float = 4.0
     scale: float = 1.0
+    huber: float = 4.0
+    alike: float = 1.0
+    same: float = 0.1
     dampings: tuple[float, ...] = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0)
     iterations: int = 25
     rest: float = 0.2

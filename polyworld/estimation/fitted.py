@@ -75,8 +75,8 @@ class FittedRun:
 @dataclass(frozen=True)
 class StudyFit:
     """A fitted study. cost: robust chi-square with priors at the minimum, and where the fit started; misfit: mean
-    robust chi-square of a measured component. rolling: how what can roll moves. others: costs of the starts that were
-    not taken."""
+    robust chi-square of a measured component. rolling: how what can roll moves. others: of the ways that were not
+    taken, minus twice the logarithm of their evidence over that of the best."""
 
     method: Method
     constants: tuple[FittedConstant, ...]
@@ -113,7 +113,7 @@ class Found:
     def evidence(self) -> float:
         """Minus twice the log-evidence, up to a constant: the minimum, and the volume of the prior that it leaves."""
         rare = SKIDS_RARELY if self.rolling == "skids" else 0.0
-        return self.minimum.cost + self.problem.occam(self.minimum) + rare
+        return self.problem.evidence(self.minimum) + rare
 
     @property
     def kept(self) -> tuple[Rolling, ...]:

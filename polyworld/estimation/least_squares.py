@@ -8,7 +8,7 @@ alone, so that initial states are eliminated by a Schur complement a run.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,8 @@ class Normal:
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where a descent ended. cost: robust chi-square with priors; misfit: without those of the constants."""
+    """Where a descent ended. cost: robust chi-square, links and priors times the squared scale; misfit: of residuals
+    alone."""
 
     point: Point
     cost: float
@@ -100,7 +101,7 @@ class Problem:
         return Point(shared, tuple(tuple(b.states.start.copy() for b in run) for run in self.runs))
 
     def costs(self, points: Sequence[Point], most: float) -> Array:
-        """Return the robust chi-square (K,) of points, priors and links included."""
+        """Return the robust chi-square (K,) of points, with priors and links times the squared scale."""
         shared = np.stack([p.shared for p in points])
         states = [
             [np.stack([p.states[r][b] for p in points]) for b in range(len(run))] for r, run in enumerate(self.runs)
@@ -117,17 +118,16 @@ class Problem:
     def run_costs(self, shared: Array, states: Sequence[Sequence[Array]], most: float) -> Array:
         """Return the robust chi-square (K, R) of runs at shared (K, S) and states[run][block] (K, N)."""
         settings = [(b, shared, states[r][i]) for r, run in enumerate(self.runs) for i, b in enumerate(run)]
-        found = iter(self.evaluate(settings, most))
+        found, scale, huber = iter(self.evaluate(settings, most)), self.settings.scale, self.settings.huber
         total = np.zeros((len(shared), len(self.runs)))
         for r, run in enumerate(self.runs):
             for i, block in enumerate(run):
                 one, prior = next(found), block.states.prior
-                total[:, r] += huber_loss(one.residuals, self.settings.huber).sum(axis=1)
-                departures = self.settings.scale * (states[r][i] - prior[:, 0]) / prior[:, 1]
-                total[:, r] += (departures**2).sum(axis=1)
+                total[:, r] += huber_loss(one.residuals, huber).sum(axis=1)
+                total[:, r] += ((scale * (states[r][i] - prior[:, 0]) / prior[:, 1]) ** 2).sum(axis=1)
                 if one.end is not None:
                     start, _ = link_start(run[i + 1], block, states[r][i + 1])
-                    total[:, r] += huber_loss(one.end - start, self.settings.huber).sum(axis=1)
+                    total[:, r] += scale**2 * huber_loss(one.end - start, huber).sum(axis=1)
         return total
 
     def evaluate(self, settings: Sequence[tuple[Block, Array, Array]], most: float) -> list[Evaluated]:
@@ -137,10 +137,10 @@ class Problem:
 
     def normal(self, at: Point, most: float) -> Normal:
         """Linearise at a point."""
-        s = len(self.shared)
+        s, scale = len(self.shared), self.settings.scale
         found = Normal(np.zeros((s, s)), np.zeros(s), [], [], [], self.linearised(at, most))
         inside = np.isfinite(self.prior_sd)
-        firm = (self.settings.scale / self.prior_sd[inside]) ** 2
+        firm = (scale / self.prior_sd[inside]) ** 2
         found.shared[inside, inside] += firm
         found.gradient[inside] += firm * (at.shared - self.prior_mean)[inside]
         slopes = iter(found.slopes)
@@ -151,14 +151,14 @@ class Problem:
             for b, block in enumerate(run):
                 where = np.arange(sizes[b], sizes[b + 1])
                 one = next(slopes)
-                pieces = [(one.residuals, one.shared, one.states, where)]
+                pieces = [(1.0, one.residuals, one.shared, one.states, where)]
                 if one.end is not None:
                     end, a, y = one.end
                     start, turn = link_start(run[b + 1], block, at.states[r][b + 1][None])
                     both = np.arange(sizes[b], sizes[b + 2])
-                    pieces.append((end - start[0], a, np.concatenate([y, -turn], axis=1), both))
-                for residual, a, y, place in pieces:
-                    w = huber_weights(residual, self.settings.huber)
+                    pieces.append((scale**2, end - start[0], a, np.concatenate([y, -turn], axis=1), both))
+                for size, residual, a, y, place in pieces:
+                    w = size * huber_weights(residual, self.settings.huber)
                     aw, yw = a * w[:, None], y * w[:, None]
                     found.shared += aw.T @ a
                     found.gradient += aw.T @ residual
@@ -166,7 +166,7 @@ class Problem:
                     gradient[place] += yw.T @ residual
                     border[place] += yw.T @ a
                 prior = block.states.prior
-                firm = (self.settings.scale / prior[:, 1]) ** 2
+                firm = (scale / prior[:, 1]) ** 2
                 own[where, where] += firm
                 gradient[where] += np.where(firm > 0.0, (at.states[r][b] - prior[:, 0]) * firm, 0.0)
             found.own.append(own)
@@ -263,10 +263,10 @@ class Problem:
                 damping = float(np.clip(damping * self.settings.dampings[-1], 1e-8, 1e6))
             if watch is not None:
                 watch(cost)
-            still = still + 1 if gain < self.settings.rest else 0
+            still = still + 1 if gain < self.settings.rest * self.settings.scale**2 else 0
             if still >= 2:
                 break
-        return Minimum(at, cost, normal, still >= 2, cost - float(self.prior_costs(at.shared[None])[0]))
+        return Minimum(at, cost, normal, still >= 2, self._misfit(normal))
 
     def fit(
         self,
@@ -277,9 +277,10 @@ class Problem:
     ) -> Minimum:
         """Fit over growing shares of the time, from where unknowns start or from a point.
 
+        Each stage has the scale of residuals that the one before left, and the last is repeated where it left another.
         watch: called with the share of the work done and the cost. cancelled: asked before each iteration.
         """
-        stages = stages or self._stages()
+        stages = [*(stages or self._stages()), 1.0]
         at = at or self.start()
         for number, share in enumerate(stages):
             steps = 0
@@ -291,7 +292,12 @@ class Problem:
                     watch((number + 1.0 - 0.8**steps) / len(stages), cost)
 
             found = self.descend(at, share, watched, cancelled)
-            at = found.point
+            at, before = found.point, self.settings.scale
+            scale = float(np.sqrt(self.settings.alike * self.remainder(found)))
+            last = number == len(stages) - 1
+            if last or (share == 1.0 and abs(scale - before) < self.settings.same * before):
+                break
+            self.settings = replace(self.settings, scale=scale)
         return found
 
     def _stages(self) -> list[float]:
@@ -308,26 +314,31 @@ class Problem:
 
     def at(self, point: Point) -> Minimum:
         """Return a point as a minimum that something else found."""
-        cost = float(self.costs([point], 1.0)[0])
-        return Minimum(
-            point, cost, self.normal(point, 1.0), True, cost - float(self.prior_costs(point.shared[None])[0])
-        )
+        normal = self.normal(point, 1.0)
+        return Minimum(point, float(self.costs([point], 1.0)[0]), normal, True, self._misfit(normal))
+
+    def _misfit(self, normal: Normal) -> float:
+        every = np.concatenate([one.residuals for one in normal.slopes])
+        return float(huber_loss(every, self.settings.huber).sum())
 
     def remainder(self, found: Minimum) -> float:
         """Return the mean square of residuals in variances of the noise, at least 1: what the model leaves."""
-        blocks = [b for run in self.runs for b in run]
-        count = sum(b.size + (6 * len(b.link.place) if b.link else 0) for b in blocks)
-        free = count - len(self.shared) - sum(b.states.count for b in blocks)
-        return max(1.0, found.misfit / max(free, 0.25 * count, 1.0))
+        slopes = found.normal.slopes
+        count = sum(len(one.residuals) + (0 if one.end is None else len(one.end[0])) for one in slopes)
+        free = count - len(self.shared) - sum(one.states.shape[1] for one in slopes)
+        return float(max(1.0, found.misfit / max(free, 0.25 * count, 1.0)))
 
-    def occam(self, found: Minimum) -> float:
-        """Return the logarithm of how much the data narrow the priors of the shared unknowns: ln det(S H).
+    def evidence(self, found: Minimum) -> float:
+        """Return minus twice the logarithm of the evidence, up to a constant, by Laplace's approximation.
 
-        H (S, S): information with initial states eliminated; S: of the priors.
+        The minimum over the variance of residuals, the part of that variance, and how much the data narrow the priors
+        of the shared unknowns: ln det(S H), H (S, S) the information with initial states eliminated, S of the priors.
         """
-        known = np.isfinite(self.prior_sd)
+        known, variance = np.isfinite(self.prior_sd), self.settings.scale**2 / self.settings.alike
         scaled = found.normal.information()[np.ix_(known, known)] * np.outer(self.prior_sd[known], self.prior_sd[known])
-        return float(np.linalg.slogdet(scaled + 1e-12 * np.eye(len(scaled)))[1])
+        occam = np.linalg.slogdet(scaled / variance + 1e-12 * np.eye(len(scaled)))[1]
+        count = sum(len(one.residuals) for one in found.normal.slopes)
+        return float(found.cost / variance + count * np.log(variance) + occam)
 
     def slacks(self, point: Point, r: int) -> tuple[float, ...]:
         """Return by link of a run the root mean square departure from it, in its standard deviations."""

@@ -9,7 +9,6 @@ proposals (Cappe et al. 2004, J. Comput. Graph. Stat. 13, 907; weights of Owen &
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,14 +26,13 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True)
 class SamplingSettings:
     """rounds of `draws` each, up to `most` while fewer than `enough` draws count. freedom: of the t distribution, whose
-    tails cover what a Gaussian would miss. alike: samples that count as one."""
+    tails cover what a Gaussian would miss."""
 
     rounds: int = 4
     most: int = 10
     draws: int = 128
     enough: float = 40.0
     freedom: float = 6.0
-    alike: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -51,28 +49,25 @@ def sample(
 ) -> Posterior:
     """Draw settings from the posterior about a minimum.
 
-    Where residuals exceed the measured noise the model is wrong by the rest, and they say less by that factor; links of
-    collisions and priors say what they do.
+    Its density is exp(-cost / 2 scale^2): where residuals exceed the measured noise the model is wrong by the rest, and
+    they say less by that factor.
     """
     settings = settings or SamplingSettings()
-    remainder = settings.alike * problem.remainder(found)
     rng = np.random.default_rng([seed, 0x5A])
-    normal, centre = found.normal, found.point.shared
+    normal, centre, variance = found.normal, found.point.shared, problem.settings.scale**2
     s = len(centre)
     answers: list[Array] = []
     inverses: list[Array] = []
     widths: list[Array] = []
-    information = normal.shared.copy()
-    for less, own, border in _tempered(problem, found, remainder):
-        information -= less
+    information = normal.information() / variance
+    for own, border in zip(normal.own, normal.border, strict=True):
         inverses.append(inverse(own))
         answers.append(-inverses[-1] @ border)
-        information -= border.T @ inverses[-1] @ border
-        values, vectors = np.linalg.eigh(inverses[-1])
+        values, vectors = np.linalg.eigh(variance * inverses[-1])
         widths.append(vectors * np.sqrt(np.maximum(values, 0.0)))
     flat = ((problem.upper - problem.lower) / np.sqrt(12.0)) ** -2.0  # no wider than the bounds
     information += np.diag(flat)
-    scale = np.sqrt(np.maximum(np.diag(normal.shared) + flat, 1e-300))
+    scale = np.sqrt(np.maximum(np.diag(normal.shared) / variance + flat, 1e-300))
     covariance: Array = information
     if s:
         covariance = np.asarray(np.linalg.inv(_positive(information, scale)), dtype=np.float64)
@@ -96,8 +91,8 @@ def sample(
             continue
         proposals.append(proposal)
         draws.append(shared)
-        total, moved = _profiled(problem, found, answers, inverses, shared, remainder)
-        targets.append(-0.5 * total)
+        total, moved = _profiled(problem, found, answers, inverses, shared)
+        targets.append(-0.5 * total / variance)
         for place, part in zip(places, moved, strict=True):
             place.append(part)
         every, target = np.concatenate(draws), np.concatenate(targets)
@@ -129,24 +124,6 @@ def _inward(mean: Array, covariance: Array, problem: Problem) -> Array:
     return moved
 
 
-def _tempered(problem: Problem, found: Minimum, remainder: float) -> Iterator[tuple[Array, Array, Array]]:
-    """Return by run what the information of shared unknowns (S, S) loses, and that of its states (n, n) and of both
-    (n, S), where residuals count by one over the remainder."""
-    slopes, share = iter(found.normal.slopes), 1.0 - 1.0 / remainder
-    for run, whole, both in zip(problem.runs, found.normal.own, found.normal.border, strict=True):
-        own, border, less = whole.copy(), both.copy(), np.zeros_like(found.normal.shared)
-        at = 0
-        for block in run:
-            one = next(slopes)
-            here = slice(at, at + block.states.count)
-            at += block.states.count
-            w = huber_weights(one.residuals, problem.settings.huber)[:, None]
-            less += share * (one.shared * w).T @ one.shared
-            own[here, here] -= share * (one.states * w).T @ one.states
-            border[here] -= share * (one.states * w).T @ one.shared
-        yield less, own, border
-
-
 def _weights(logs: Array, enough: float) -> Array:
     """Return importance weights (N,) of their logarithms, flattened by a power until enough draws count.
 
@@ -172,13 +149,13 @@ def _positive(matrix: Array, size: Array) -> Array:
 
 
 def _profiled(
-    problem: Problem, found: Minimum, answers: list[Array], inverses: list[Array], shared: Array, remainder: float
+    problem: Problem, found: Minimum, answers: list[Array], inverses: list[Array], shared: Array
 ) -> tuple[Array, list[Array]]:
     """Return chi-square (K,) at shared coordinates (K, S), initial states where they follow, and these (K, n) by run.
 
     The step takes residuals where the states follow linearly, and slopes of the minimum.
     """
-    huber, at = problem.settings.huber, found.point
+    variance, huber, at = problem.settings.scale**2, problem.settings.huber, found.point
     flat = [np.concatenate(own) + (shared - at.shared) @ a.T for own, a in zip(at.states, answers, strict=True)]
     cuts = [np.cumsum([0, *(b.states.count for b in run)]) for run in problem.runs]
     states = [np.split(own, cut[1:-1], axis=1) for own, cut in zip(flat, cuts, strict=True)]
@@ -191,14 +168,14 @@ def _profiled(
             own = slice(cuts[r][i], cuts[r][i + 1])
             one, slopes = next(evaluated)
             prior = (states[r][i] - block.states.prior[:, 0]) / block.states.prior[:, 1]
-            total += huber_loss(one.residuals, huber).sum(axis=1) / remainder + (prior**2).sum(axis=1)
-            gradient[:, own] += (one.residuals * huber_weights(one.residuals, huber)) @ slopes.states / remainder
-            gradient[:, own] += prior / block.states.prior[:, 1]
+            total += huber_loss(one.residuals, huber).sum(axis=1) + variance * (prior**2).sum(axis=1)
+            gradient[:, own] += (one.residuals * huber_weights(one.residuals, huber)) @ slopes.states
+            gradient[:, own] += variance * prior / block.states.prior[:, 1]
             if one.end is not None and slopes.end is not None:
                 start, turn = link_start(run[i + 1], block, states[r][i + 1])
                 apart = one.end - start
-                total += huber_loss(apart, huber).sum(axis=1)
-                apart = apart * huber_weights(apart, huber)
+                total += variance * huber_loss(apart, huber).sum(axis=1)
+                apart = variance * apart * huber_weights(apart, huber)
                 gradient[:, own] += apart @ slopes.end[2]
                 gradient[:, cuts[r][i + 1] : cuts[r][i + 2]] -= apart @ turn
         step = gradient @ inverses[r]

@@ -12,7 +12,6 @@ from polyworld.data.recording import Run
 from polyworld.data.shape_series import ShapeSeries
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.noise import RunNoise
-from polyworld.estimation.rotation_counting import counted_angles, counted_vectors
 from polyworld.model import mesh_of, model_of
 from polyworld.probing.readouts import Centreline, check_readable, read
 from polyworld.probing.readouts.material_points import MaterialPoints, material_points
@@ -133,12 +132,9 @@ class RunReadout:
             order = run.symmetry[column]
             if self.planar:
                 turn = turn_about(simulated, observed, self.normal, np.full(len(rows), max(order, 1)))
-                found[:, rows, column, 5] = counted_angles(turn, np.pi / max(order, 1))
-                continue
-            vectors = smallest_rotation(simulated, observed, np.full(len(rows), order))
-            if order == 1:
-                vectors = counted_vectors(vectors, simulated, observed)
-            found[:, rows, column, 3:6] = vectors
+                found[:, rows, column, 5] = turn
+            else:
+                found[:, rows, column, 3:6] = smallest_rotation(simulated, observed, np.full(len(rows), order))
         return found
 
     def standardised(self, batch: BatchTrajectory, samples: int) -> Array:

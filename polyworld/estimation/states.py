@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.data.initial_states import InitialState, first_value, initial_states, line_or_fall
+from polyworld.data.initial_states import FIRST, InitialState, first_value, initial_states, line_or_fall
 from polyworld.data.recording import Run
 from polyworld.estimation.declared import SKIDS, Rolling, can_roll
 from polyworld.estimation.fit_settings import Gaussian, PriorSettings
@@ -35,7 +35,6 @@ LENGTH = 0.05  # ordinary change of a position [m], of a velocity [m/s] tenfold
 SPIN = 6.0  # ordinary spin of a body whose spin was not measured [rad/s]
 TURN = 0.1  # ordinary change of an angle [rad], of a rate [rad/s] tenfold
 STEEPEST = 0.2  # slip of a rolling start, as a share of its spin
-EARLY = 8  # samples from which a first turn is taken
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ def _of_run(world: World, item: RigidObject, run: Run) -> Beginning:
     spin = np.array([first_value(run.times, column) for column in series.T])
     about, turn = _about(world), None
     spun = [a for a in np.flatnonzero(np.isfinite(spin)).tolist() if not world.planar or a in about]
-    rows = np.flatnonzero(np.isfinite(run.orientations[:, column]).all(axis=-1) & present)[:EARLY]
+    rows = np.flatnonzero(np.isfinite(run.orientations[:, column]).all(axis=-1) & present)[:FIRST]
     if len(rows) >= 2:
         early = run.orientations[rows, column]
         steps = rotation_vector(early[1:], early[:-1]) / np.diff(times[rows])[:, None]

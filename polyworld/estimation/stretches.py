@@ -6,10 +6,12 @@ it. Here the state after a collision is free, and bound to what the model predic
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 
 from polyworld.data.initial_states import initial_states, with_initial_states
 from polyworld.data.tracks import ObservedTracks
@@ -20,6 +22,8 @@ Array = NDArray[np.float64]
 
 ALONE = ("quadratic_damping", "air_drag", "collision_slack")  # effects that act on every body by itself
 NEAR = 4.0  # standard deviations of the noise by which bodies may be nearer than their tracks
+FEWEST = 4  # samples before a jump: a quadratic has three coefficients
+LAST = 2  # samples after it
 
 
 @dataclass(frozen=True)
@@ -54,26 +58,19 @@ class Stretch:
     groups: tuple[frozenset[str], ...] = ()
 
 
-def velocity_jumps(
-    tracks: ObservedTracks, seconds_per_frame: float, noise: Array, rows: range, settings: LinkSettings
-) -> Array:
-    """Return by how much chi-square (T, n) two quadratics beat one cubic about each frame of each track.
+def velocity_jump(times: Array, points: Array, row: int, settings: LinkSettings) -> float:
+    """Return by how much chi-square two quadratics, before and after an instant, beat one cubic about it.
 
-    noise (n,) [m]. rows: looked at. Zero where fewer than four samples are near on either side.
+    times (T,) [s]; points (T, 3) in standard deviations of the noise, NaN where not seen. Zero where too few samples
+    are near on either side.
     """
-    w = settings.window
-    gains = np.zeros((len(tracks.frames), len(tracks.names)))
-    for column in range(len(tracks.names)):
-        seen = np.flatnonzero(tracks.confidence[:, column] > 0.0)
-        seen = seen[(seen >= rows.start) & (seen < rows.stop)]
-        times, points = tracks.moments[seen] * seconds_per_frame, tracks.positions[seen, column] / noise[column]
-        for i in range(4, len(seen) - 3):
-            left, right = slice(max(0, i - w), i), slice(i, min(i + w, len(seen)))
-            centred = times - times[i]
-            one = _misfit(centred[left.start : right.stop], points[left.start : right.stop], 3)
-            two = _misfit(centred[left], points[left], 2) + _misfit(centred[right], points[right], 2)
-            gains[seen[i], column] = one - two
-    return gains
+    seen = np.flatnonzero(np.isfinite(points).all(axis=1))
+    left, right = seen[seen < row][-settings.window :], seen[seen >= row][: settings.window]
+    if len(left) < FEWEST or len(right) < LAST:
+        return 0.0
+    both, centred = np.concatenate([left, right]), times - times[row]
+    one = _misfit(centred[both], points[both], 3)
+    return one - sum(_misfit(centred[side], points[side], min(2, len(side) - 1)) for side in (left, right))
 
 
 def _misfit(times: Array, points: Array, degree: int) -> float:
@@ -86,33 +83,28 @@ def collisions(
 ) -> list[tuple[range, tuple[str, ...]]]:
     """Return rows of the first frames after the contacts of collisions of two bodies or more, and who takes part.
 
-    By binary segmentation: at the instant at which velocities jump most, then on either side of it. Bodies that take
-    part are near one another.
+    A collision is where two bodies come nearest, so near that they may touch, and the velocities of both jump: before
+    the frame at which they are nearest, or after it.
     """
-    bodies = {o.name for o in world.objects}
-    step = world.time.seconds_per_frame
-
-    def met(row: int, a: str, b: str) -> bool:
-        return _near(world, tracks, noise, np.arange(max(row - 2, 0), min(row + 2, len(tracks.frames))), a, b)
-
-    def within(rows: range) -> list[tuple[int, tuple[str, ...]]]:
-        gains = velocity_jumps(tracks, step, noise, rows, settings)
-        total = np.where(gains > settings.gain, gains, 0.0)
-        while True:
-            row = int(np.argmax(total.sum(axis=1)))
-            if total[row].sum() <= settings.gain:
-                return []
-            jumped = [n for n, g in zip(tracks.names, gains[max(row - 1, 0) : row + 2].max(axis=0), strict=True)
-                      if g > settings.gain and n in bodies]  # fmt: skip
-            who = tuple(a for a in jumped if any(met(row, a, b) for b in jumped if b != a))
-            if who:
-                return [*within(range(rows.start, row)), (row, who), *within(range(row, rows.stop))]
-            total[row] = 0.0
-
+    bodies = [i for i, name in enumerate(tracks.names) if world.is_rigid(name)]
+    times = tracks.moments * world.time.seconds_per_frame
+    points = np.where((tracks.confidence > 0.0)[..., None], tracks.positions, np.nan)
+    cuts: list[tuple[int, tuple[str, str]]] = []
+    for a, b in itertools.combinations(bodies, 2):
+        apart = np.nan_to_num(np.linalg.norm(points[:, a] - points[:, b], axis=1), nan=np.inf)
+        nearest = np.flatnonzero(apart <= minimum_filter1d(apart, 2 * settings.again + 1))
+        for row in nearest.tolist():
+            around, both = np.arange(max(row - 2, 0), min(row + 3, len(times))), (tracks.names[a], tracks.names[b])
+            if _near(world, tracks, noise, around, *both):
+                split = [[velocity_jump(times, points[:, i] / noise[i], r, settings) for i in (a, b)]
+                         for r in (row, row + 1)]  # fmt: skip
+                first = int(np.argmax(np.sum(split, axis=1)))
+                if min(split[first]) > settings.gain:
+                    cuts.append((row + first, both))
     found: list[tuple[range, tuple[str, ...]]] = []
-    for row, who in within(range(len(tracks.frames))):
+    for row, who in sorted(cuts):
         last = found[-1] if found else None
-        if last is not None and row - last[0].stop <= settings.again and set(who) & set(last[1]):
+        if last and row - last[0].stop <= (settings.again if set(who) & set(last[1]) else LAST):
             found[-1] = range(last[0].start, row + 1), tuple(dict.fromkeys((*last[1], *who)))
         else:
             found.append((range(row, row + 1), who))

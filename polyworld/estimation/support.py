@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.data.initial_states import initial_states
+from polyworld.data.initial_states import FIRST, initial_states
 from polyworld.data.noise import noise_levels
 from polyworld.data.recording import Run
 from polyworld.data.tracks import ObservedTracks
@@ -24,7 +24,6 @@ from polyworld.world.shapes import Box, Capsule, Cylinder, Plane, Sphere
 Array = NDArray[np.float64]
 
 SETTINGS = SupportSettings()
-FIRST = 8  # samples from which a first place is taken
 LEVEL = (32, 64)  # least and greatest number of samples of a run that must be level
 RESTLESS = 2.0  # times its noise by which a level height may scatter
 CLOSE = 0.2  # radii of the ball around it, beyond its noise, within which a body may touch what supports it

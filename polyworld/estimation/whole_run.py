@@ -9,10 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.fit_settings import FitSettings
-from polyworld.estimation.least_squares import Point, Problem
-from polyworld.estimation.problem import Block, Readout
-from polyworld.estimation.unknown import Unknown, free_axes
+from polyworld.estimation.problem import Block
 from polyworld.solver.rollout import simulator
 from polyworld.world import Effect, World, geometry
 from polyworld.world.parameters import object_mass
@@ -22,7 +19,6 @@ Array = NDArray[np.float64]
 Values = Mapping[str, Array]
 
 NAME = "slack_"  # begins the names of such effects
-FARTHEST = 100.0  # standard deviations that bound an impulse
 
 
 @dataclass(frozen=True)
@@ -71,37 +67,6 @@ def through(world: World, blocks: Sequence[Block], members: Sequence[Values]) ->
         world = world.model_copy(update={"effects": (*world.effects, *added)})
         joint |= pulses
     return Through(world, joint)
-
-
-def refined(
-    led: Through,
-    world: World,
-    blocks: Sequence[Block],
-    readout: Readout,
-    times: Array,
-    at: Array,
-    settings: FitSettings,
-) -> dict[str, Array]:
-    """Fit the first member's initial state and impulses to the whole run, with its constants as they are.
-
-    world: that of `led`, with the first member's parameters; at (N,): states of its first stretch. Returns the
-    overrides of all members.
-    """
-    unknowns = []
-    for number, block in enumerate(blocks[:-1], start=1):
-        assert block.link is not None
-        for name in block.link.who:
-            sd = float(object_mass(world.object(name))) * block.link.velocity[name]
-            for pulse, axis in itertools.product(("", "_after"), free_axes(world)):
-                path = f"effects.{NAME}{number}_{name}{pulse}.impulse_{axis}"
-                start = float(led.overrides[path][0])
-                far = abs(start) + FARTHEST * sd
-                unknowns.append(Unknown(path, (path,), "N s", start, -far, far, sd, prior=(start, sd)))
-    whole = Block(blocks[0].name, world, times, readout, blocks[0].states)
-    problem = Problem([[whole]], unknowns, settings.descent)
-    found = problem.descend(Point(problem.start().shared, ((at,),)), 1.0).point
-    best = whole.overrides(found.shared[None], found.states[0][0][None])
-    return {path: np.concatenate([best.get(path, v[:1]), v[1:]]) for path, v in led.overrides.items()}
 
 
 def _missing(world: World, values: Values, name: str, field: str, before: Array) -> Array:

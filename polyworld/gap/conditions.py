@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.data.noise import noise_levels
 from polyworld.data.recording import Recording, Run
 from polyworld.effects.conditions import Conditions
 from polyworld.estimation.linkage import is_held
+from polyworld.screening.tracks import Track, subject
 from polyworld.world import World, geometry
 from polyworld.world.distances import distance_to_static
 from polyworld.world.parameters import object_mass
@@ -27,28 +26,9 @@ NEAR = 0.25  # of a body's radius: gap within which tracks count as touching
 SLIDING = 0.2  # contact that lasts this long is no bounce [s]
 
 
-@dataclass(frozen=True)
-class Track:
-    """One body in one run at the instants (T,) at which anything of it was seen: places (T, 3), NaN where not seen."""
-
-    run: int
-    name: str
-    times: Array
-    places: Array
-    noise: float
-
-
-def tracks(world: World, recording: Recording) -> Iterator[Track]:
-    """Return all rigid bodies in all runs."""
-    rigid = {o.name for o in world.objects}
-    for index, run in enumerate(recording.runs):
-        for column, name in enumerate(run.names):
-            if name not in rigid:
-                continue
-            places = run.positions[:, column]
-            rows = np.flatnonzero(np.any(np.isfinite(places), axis=1))
-            if len(rows) >= 2:
-                yield Track(index, name, run.times[rows], places[rows], _noise(run, run.times[rows], places[rows]))
+def tracks(world: World, recording: Recording) -> list[Track]:
+    """Return the tracks of all rigid bodies in all runs."""
+    return [t for t in subject(world, recording).tracks if world.is_rigid(t.object)]
 
 
 def conditions(world: World, recording: Recording) -> Conditions:
@@ -151,10 +131,6 @@ def _start(world: World, name: str) -> Array:
     return np.asarray(world.object(name).position if world.is_rigid(name) else (0.0, 0.0, 0.0), dtype=float)
 
 
-def _noise(run: Run, times: Array, places: Array) -> float:
-    return float(np.nan_to_num(noise_levels(times, places)).max()) if run.sigma is None else run.sigma
-
-
 def _speeds(run: Run) -> Array:
     """Return speeds over stretches of a run long enough that noise does not make them; components not seen count as
     still."""
@@ -170,8 +146,8 @@ def _spin(world: World, recording: Recording) -> float:
     """Return a typical spin [rad/s]: as described, as measured, or as orientations turn from sample to sample."""
     found = [float(np.linalg.norm(o.angular_velocity)) for o in world.objects if any(o.angular_velocity)]
     for track in tracks(world, recording):
-        run = recording.runs[track.run]
-        column = run.names.index(track.name)
+        run = recording.run(track.run)
+        column = run.names.index(track.object)
         spins, q = run.angular_velocities[:, column], run.orientations[:, column]
         spun, rows = np.isfinite(spins).any(axis=-1), np.flatnonzero(np.isfinite(q).all(axis=-1))
         if spun.any():
@@ -203,10 +179,14 @@ def moment_arm(world: World, joint: Joint) -> float:
 
 def touching(world: World, track: Track, margin: float = 0.0) -> NDArray[np.bool_]:
     """At which of a track's instants (T,) the body is within reach of a static."""
-    item = world.object(track.name)
+    item = world.object(track.object)
     full = np.all(np.isfinite(track.places), axis=1)
     near = np.zeros(len(track.times), dtype=bool)
-    limit = reach(world, item) * (1.0 + (NEAR if isinstance(item.shape, Sphere) else 0.0)) + 4.0 * track.noise + margin
+    limit = (
+        reach(world, item) * (1.0 + (NEAR if isinstance(item.shape, Sphere) else 0.0))
+        + 4.0 * track.noise.max()
+        + margin
+    )
     places = np.where(full[:, None], track.places, 0.0)
     for static in world.statics:
         near |= full & (distance_to_static(static, places) <= limit)
@@ -216,7 +196,7 @@ def touching(world: World, track: Track, margin: float = 0.0) -> NDArray[np.bool
 def _filled(world: World, track: Track) -> Track:
     """Return a track that stays, along axes that its run never measured, where the world has the body."""
     never = ~np.isfinite(track.places).any(axis=0)
-    return replace(track, places=np.where(never, _start(world, track.name), track.places)) if never.any() else track
+    return replace(track, places=np.where(never, _start(world, track.object), track.places)) if never.any() else track
 
 
 def _longest_step(track: Track) -> float:
@@ -229,7 +209,7 @@ def _lasts(track: Track, near: NDArray[np.bool_]) -> bool:
     """Return whether a contact, near (T,), lasts too long for a bounce."""
     ends = np.flatnonzero(np.diff(np.concatenate([[0], near, [0]]).astype(int)))
     longest = int((ends[1::2] - ends[::2]).max(initial=0))
-    return longest * float(np.median(np.diff(track.times))) >= SLIDING
+    return longest * track.interval >= SLIDING
 
 
 def _meetings(world: World, recording: Recording) -> tuple[tuple[str, str], ...]:

@@ -167,5 +167,4 @@ def share_left(before: float, after: float) -> float:
 
 
 def _soften(problem: Problem, soft: float, scale: float, iterations: int) -> None:
-    rest = REST * scale**2
-    problem.settings = replace(problem.settings, huber=soft * scale, scale=scale, rest=rest, iterations=iterations)
+    problem.settings = replace(problem.settings, huber=soft * scale, scale=scale, rest=REST, iterations=iterations)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
 from polyworld.estimation.linkage import is_held
-from polyworld.gap.conditions import Track, conditions, reach, touching, tracks
+from polyworld.gap.conditions import conditions, reach, touching, tracks
+from polyworld.screening.tracks import Track
 from polyworld.world import World
 
 Array = NDArray[np.float64]
@@ -25,7 +26,7 @@ class Kink:
     """A sudden change of a body's velocity [m/s] at a time [s] and place (3,) [m], where nothing known is in reach.
     sigma [m/s]: noise of a component of the change."""
 
-    run: int
+    run: str
     name: str
     time: float
     place: Array
@@ -59,20 +60,20 @@ def kinks(world: World, recording: Recording) -> tuple[Kink, ...]:
     that was never measured nothing changes.
     """
     speed = conditions(world, recording).speed
-    everything = list(tracks(world, recording))
+    everything = tracks(world, recording)
     found: list[Kink] = []
     for track in everything:
-        if is_held(world, track.name):
+        if is_held(world, track.object):
             continue
-        others = [t for t in everything if t.run == track.run and t.name != track.name]
+        others = [t for t in everything if t.run == track.run and t.object != track.object]
         unobserved = ~np.isfinite(track.places).any(axis=0)
         found += _kinks_of(world, replace(track, places=np.where(unobserved, 0.0, track.places)), others, speed)
     return tuple(sorted(found, key=lambda k: -float(np.linalg.norm(k.jump))))
 
 
 def _kinks_of(world: World, track: Track, others: Sequence[Track], speed: float) -> list[Kink]:
-    step = float(np.median(np.diff(track.times)))
-    window = next((w for w in WINDOWS if SURE * _jump_noise(track.noise, w, step) < JUMP * speed), WINDOWS[-1])
+    step, level = track.interval, float(track.noise.max())
+    window = next((w for w in WINDOWS if SURE * _jump_noise(level, w, step) < JUMP * speed), WINDOWS[-1])
     count = len(track.times) - 2 * window + 1
     if count < 1:
         return []
@@ -90,7 +91,7 @@ def _kinks_of(world: World, track: Track, others: Sequence[Track], speed: float)
         size = size - sides.min(axis=0)
     taken, whole = track.times[2 * window - 1 :] - track.times[:count], (2 * window - 1) * step
     size[np.abs(taken - whole) >= 0.5 * step] = 0.0  # samples that are not evenly spaced
-    noise = _jump_noise(track.noise, window, step)
+    noise = _jump_noise(level, window, step)
     limit = max(SURE * noise, JUMP * speed)
     explained = touching(world, track, margin=speed * step) | _near_others(world, track, others, speed * step)
     found: list[Kink] = []
@@ -106,7 +107,7 @@ def _kinks_of(world: World, track: Track, others: Sequence[Track], speed: float)
         half = (window / 2) * step
         place = (mean[k] + half * velocity[k] + mean[k + window] - half * velocity[k + window]) / 2
         time = float(track.times[middle] - step / 2)
-        found.append(Kink(track.run, track.name, time, place, before[k], after[k], noise))
+        found.append(Kink(track.run, track.object, time, place, before[k], after[k], noise))
     return found
 
 
@@ -117,9 +118,9 @@ def _jump_noise(noise: float, window: int, step: float) -> float:
 
 def _near_others(world: World, track: Track, others: Sequence[Track], margin: float) -> NDArray[np.bool_]:
     near = np.zeros(len(track.times), dtype=bool)
-    own = reach(world, world.object(track.name))
+    own = reach(world, world.object(track.object))
     for other in others:
-        limit = 1.25 * (own + reach(world, world.object(other.name))) + margin
+        limit = 1.25 * (own + reach(world, world.object(other.object))) + margin
         rows = np.searchsorted(other.times, track.times).clip(0, len(other.times) - 1)
         distance = np.linalg.norm(track.places - other.places[rows], axis=1)
         near |= np.isfinite(distance) & (distance <= limit)

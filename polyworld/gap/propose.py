@@ -222,18 +222,16 @@ def _undisturbed(parent: Fitted) -> Point:
     Of a run that struck something the whole gives a mean velocity, and its first samples a noisy one.
     """
     ground = parent.ground
-    first: dict[int, float] = {}
+    first: dict[str, float] = {}
     for kink in kinks(ground.world, ground.recording):
         first[kink.run] = min(first.get(kink.run, np.inf), kink.time)
-    lengths = [
-        len(run.times) if r not in first else max(FEWEST, int(BEFORE * np.searchsorted(run.times, first[r])))
-        for r, run in enumerate(ground.recording.runs)
-    ]
-    runs = [run.rows(np.arange(len(run.times)) < n) for run, n in zip(ground.recording.runs, lengths, strict=True)]
+    runs = []
+    for run in ground.recording.runs:
+        until = max(FEWEST, int(BEFORE * np.searchsorted(run.times, first.get(run.name, np.inf))))
+        runs.append(run.rows(np.arange(len(run.times)) < until) if run.name in first else run)
     part = ground.cut(runs, ground.noise)
-    own = [s[0] if r not in first else None for r, s in enumerate(parent.point.states)]
     start = part.problem(parent.hypothesis).start().states
-    mixed = tuple((s[0] if o is None else o,) for s, o in zip(start, own, strict=True))
+    mixed = tuple(s if run.name in first else o for run, s, o in zip(runs, start, parent.point.states, strict=True))
     found = fit(part, parent.hypothesis, Point(parent.values, mixed), iterations=ground.settings.full, scale=1.0)
     return Point(parent.values, found.point.states)
 

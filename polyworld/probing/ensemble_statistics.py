@@ -17,6 +17,7 @@ LEVEL = 0.9  # of every interval
 CLEAR = 0.8  # least difference of the two distribution functions at the threshold
 SIGNIFICANT = 0.05  # probability of such a separation by chance, over all parameters tried
 RELATED = 0.5  # least rank correlation reported
+SAME = 0.9  # rank correlation of two parameters above which the members do not say which of them an answer goes with
 
 
 @dataclass(frozen=True)
@@ -83,12 +84,6 @@ def interval_of(values: Array) -> dict[str, float]:
     return {"median": float(middle), "from": float(low), "to": float(high)}
 
 
-def quantiles(values: Array) -> dict[str, float]:
-    """Return the 5, 25, 50, 75 and 95 per cent quantiles of values (n,)."""
-    shares = (5, 25, 50, 75, 95)
-    return {f"{share}%": float(v) for share, v in zip(shares, np.percentile(values, shares), strict=True)}
-
-
 def decisive_split(parameters: Mapping[str, Array], true: Bools) -> Split | None:
     """Return the parameter and threshold that separate true (n,) best, None where none does so clearly.
 
@@ -119,9 +114,13 @@ def decisive_split(parameters: Mapping[str, Array], true: Bools) -> Split | None
     return best[1] if best[0] >= CLEAR and chance * len(parameters) <= SIGNIFICANT else None
 
 
-def relations(parameters: Mapping[str, Array], values: Array, most: int = 3) -> list[Relation]:
-    """Return the parameters that values (n,) go with, strongest first: Spearman's rank correlation of at least
-    `RELATED`, significant over all parameters (Bonferroni)."""
+def relations(parameters: Mapping[str, Array], values: Array, part: float = 1.0, most: int = 3) -> list[Relation]:
+    """Return the parameters that an answer goes with, strongest first: Spearman's rank correlation of at least
+    `RELATED`, significant over all parameters (Bonferroni), without those that go with one listed before as closely.
+
+    values (n,): what the members say. part: of the answer's variance that the members differ by; the rest, an error of
+    the model, goes with no parameter and lowers the correlation of the answer itself.
+    """
     known = np.isfinite(values)
     count = int(known.sum())
     if count < 5 or np.ptp(values[known]) <= 0.0:
@@ -132,9 +131,14 @@ def relations(parameters: Mapping[str, Array], values: Array, most: int = 3) -> 
             continue
         rho = float(np.corrcoef(_ranks(own[known]), _ranks(values[known]))[0, 1])
         t = abs(rho) * np.sqrt((count - 2) / max(1.0 - rho**2, 1e-12))
-        if abs(rho) >= RELATED and 2.0 * float(stdtr(count - 2, -t)) * len(parameters) <= SIGNIFICANT:
+        if abs(rho) * np.sqrt(part) >= RELATED and 2.0 * float(stdtr(count - 2, -t)) * len(parameters) <= SIGNIFICANT:
             found.append(Relation(name, rho))
-    return sorted(found, key=lambda r: -abs(r.rank_correlation))[:most]
+    listed: list[Relation] = []
+    for relation in sorted(found, key=lambda r: -abs(r.rank_correlation)):
+        ranks = [_ranks(parameters[r.parameter][known]) for r in (relation, *listed)]
+        if all(abs(np.corrcoef(ranks[0], other)[0, 1]) < SAME for other in ranks[1:]):
+            listed.append(relation)
+    return listed[:most]
 
 
 def _ranks(values: Array) -> Array:

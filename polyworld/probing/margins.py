@@ -38,7 +38,7 @@ from polyworld.probing.readouts.centreline import lengths_along
 from polyworld.probing.readouts.deformation import folded_share, principal_stretches
 from polyworld.probing.readouts.distribution import container_named, substance
 from polyworld.trajectory import Trajectory
-from polyworld.trajectory.events import point_speed, share_in_view
+from polyworld.trajectory.events import point_speed, share_in_view, turning
 from polyworld.world import World
 from polyworld.world.description import Description
 from polyworld.world.materials import PLANAR, Form, kinds_of, material_of
@@ -122,8 +122,7 @@ def state_margin(trajectory: Trajectory, world: World, predicate: Predicate) -> 
             return Margin(speed, speed - predicate.speed, label)
         rest = 1.0 - speed / predicate.speed
         if name not in trajectory.deformables:  # a deformable object's points turn with it
-            spin = np.linalg.norm(trajectory.angular_velocities[:, i], axis=1)
-            rest = np.minimum(rest, 1.0 - spin / predicate.spin)
+            rest = np.minimum(rest, 1.0 - turning(world, trajectory, name) / predicate.spin)
         return Margin(speed, predicate.speed * rest, label)  # [m/s], of a spin in proportion
     if isinstance(predicate, InsideRegion):
         depth = _depth(trajectory.positions[:, i], np.asarray(predicate.lower), np.asarray(predicate.upper))

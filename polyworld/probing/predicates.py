@@ -41,7 +41,8 @@ class Moving(Description):
 
 
 class AtRest(Description):
-    """The object neither moves nor turns faster than the thresholds; of a deformable one, no motion of its points."""
+    """The object neither moves nor turns faster than the thresholds; of a deformable one, no motion of its points. A
+    ball's spin about the vertical does not count."""
 
     predicate: Literal["at_rest"] = "at_rest"
     object: Name
@@ -120,19 +121,11 @@ class MovedByMoreThan(Description):
     since: NonNegative = Field(default=0.0, description="time of the place it is compared with [s]")
 
 
-class ComesToRestBefore(Description):
-    """a comes to rest, after having moved, before `time`, or before b does."""
+class ComesToRest(Description):
+    """The object comes to rest after having moved, for a fifth of a second at least. True at instants."""
 
-    predicate: Literal["comes_to_rest_before"] = "comes_to_rest_before"
-    a: Name
-    time: NonNegative | None = Field(default=None, description="[s]; else b")
-    b: Name | None = Field(default=None, description="another object, instead of time")
-
-    @model_validator(mode="after")
-    def _one_limit(self) -> Self:
-        if (self.time is None) == (self.b is None):
-            raise ValueError("comes_to_rest_before: give time or b")
-        return self
+    predicate: Literal["comes_to_rest"] = "comes_to_rest"
+    object: Name
 
 
 class PassesBefore(Description):
@@ -231,7 +224,7 @@ Predicate = Annotated[
     | NearerThan
     | WithinDistance
     | MovedByMoreThan
-    | ComesToRestBefore
+    | ComesToRest
     | PassesBefore
     | ReachesBefore
     | Occupies

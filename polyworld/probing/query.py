@@ -17,7 +17,7 @@ from polyworld.probing.margins import passing_offset, state_margin, why_unknown
 from polyworld.probing.point_approach import point_gaps
 from polyworld.probing.predicates import (
     Collides,
-    ComesToRestBefore,
+    ComesToRest,
     Holds,
     InContact,
     NearerThan,
@@ -87,9 +87,6 @@ class QueryResult:
             **({} if self.sampled_every is None else {"sampled_every_s": self.sampled_every}),
         }
 
-    def _margin(self) -> dict[str, Any]:
-        return {"margin": self.margin, "margin_unit": self.margin_unit, "margin_at_s": self.margin_at}
-
 
 def query(
     rollout: Rollout,
@@ -107,10 +104,10 @@ def query(
     """
     if rollout.world_id != world.id:
         raise ValueError(f"the rollout is of {rollout.world_id}, the world is {world.id}")
-    if isinstance(predicate, PassesBefore | ReachesBefore | ComesToRestBefore) and aggregation != "any":
+    if isinstance(predicate, PassesBefore | ReachesBefore) and aggregation != "any":
         raise ValueError(f"{predicate.predicate} is an order, not a state: its only aggregation is any")
-    if isinstance(predicate, Collides) and aggregation in ("all", "fraction"):
-        raise ValueError("collides holds at instants: its aggregations are any, first, last, count")
+    if isinstance(predicate, Collides | ComesToRest) and aggregation in ("all", "fraction"):
+        raise ValueError(f"{predicate.predicate} holds at instants: its aggregations are any, first, last, count")
     starts = start_times(world)
     late = {name: starts[name] for name in names_in(predicate) if starts.get(name, 0.0) > 0.0}
     joined = max(late.values(), default=0.0)
@@ -173,8 +170,10 @@ def _decided(
         return _unknown(covered)
     if isinstance(predicate, PassesBefore | ReachesBefore):
         return _order(rollout.trajectory, predicate, covered, asked)
-    if isinstance(predicate, ComesToRestBefore):
-        return _rest_order(rollout.trajectory, predicate, covered, asked)
+    if isinstance(predicate, ComesToRest):
+        rests = [e for e in rest_events(world, rollout.trajectory) if e.participants == (predicate.object,)]
+        holds = _clipped([(e.time, e.time) for e in rests], covered)
+        return _aggregate(aggregation, holds, covered, asked, {"comes_to_rest_at_s": [time for time, _ in holds]})
     if isinstance(predicate, InContact | Collides):
         wet = _wet(rollout.trajectory, world, predicate, covered)
         if isinstance(wet, str):
@@ -424,31 +423,6 @@ def _order(
     assert first is not None
     lead = None if a is None or b is None else b - a
     return QueryResult(value, True, None, ((first, first),), covered, evidence, margin=lead, margin_unit="s")
-
-
-def _rest_order(
-    trajectory: Trajectory, predicate: ComesToRestBefore, covered: Interval, asked: Interval
-) -> QueryResult:
-    """Whether a comes to rest before a time, or before b does."""
-    rests: dict[str, float | None] = {name: None for name in names_in(predicate)}
-    for event in sorted(rest_events(trajectory), key=lambda e: -e.time):
-        if event.participants[0] in rests and covered[0] <= event.time <= covered[1]:
-            rests[event.participants[0]] = event.time
-    evidence = {"comes_to_rest_at_s": rests}
-    own = rests[predicate.a]
-    limit = predicate.time if predicate.b is None else rests[predicate.b]
-    needed = asked[1] if predicate.time is None else min(predicate.time, asked[1])
-    if covered[0] > asked[0] + ROUNDING and own is None:
-        return _unknown(f"what happened before {covered[0]:.6g} s is not covered", (), covered, evidence)
-    if predicate.b is not None and own is None and limit is None:
-        return _unknown("neither comes to rest in the covered part of the interval", (), covered, evidence)
-    if predicate.b is None and own is None and covered[1] < needed - ROUNDING:
-        reason = f"only the time to {covered[1]:.6g} s is covered, in which {predicate.a!r} does not come to rest"
-        return _unknown(reason, (), covered, evidence)
-    value = own is not None and (limit is None or own < limit)
-    lead = None if own is None or limit is None else limit - own
-    holds = () if own is None else ((own, own),)
-    return QueryResult(value, True, None, holds, covered, evidence, margin=lead, margin_unit="s")
 
 
 def _first_crossing(times: Array, offset: Array, covered: Interval) -> float | None:

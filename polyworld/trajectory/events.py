@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.trajectory import Event, Trajectory
-from polyworld.world import World
+from polyworld.world import World, geometry
+from polyworld.world.shapes import Sphere
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -24,7 +25,7 @@ REST_TIME = 0.2  # [s] an object must stay slow for
 
 def all_events(world: World, trajectory: Trajectory, contacts: tuple[Event, ...]) -> tuple[Event, ...]:
     """Contact, entry, exit and rest events in order of time."""
-    found = [*contacts, *view_events(world, trajectory), *rest_events(trajectory)]
+    found = [*contacts, *view_events(world, trajectory), *rest_events(world, trajectory)]
     return tuple(sorted(found, key=lambda e: (e.time, e.kind, e.participants)))
 
 
@@ -64,7 +65,7 @@ def view_events(world: World, trajectory: Trajectory) -> list[Event]:
     return events
 
 
-def rest_events(trajectory: Trajectory) -> list[Event]:
+def rest_events(world: World, trajectory: Trajectory) -> list[Event]:
     """Ends of motion: slow from there for REST_TIME or to the end of the trajectory, after having moved.
 
     The time is that of the first slow sample.
@@ -76,7 +77,7 @@ def rest_events(trajectory: Trajectory) -> list[Event]:
             slow = point_speed(trajectory.deformables[name].velocities) < REST_SPEED
         else:
             slow = np.linalg.norm(trajectory.velocities[:, i], axis=-1) < REST_SPEED
-            slow &= np.linalg.norm(trajectory.angular_velocities[:, i], axis=-1) < REST_SPIN
+            slow &= turning(world, trajectory, name) < REST_SPIN
         active = trajectory.active[:, i]
         for k in np.flatnonzero(slow[1:] & ~slow[:-1] & active[:-1]) + 1:
             moving = np.flatnonzero(~slow[k:])
@@ -84,6 +85,22 @@ def rest_events(trajectory: Trajectory) -> list[Event]:
             if len(moving) == 0 or until - times[k] >= REST_TIME:
                 events.append(Event("rest", float(times[k]), (name,), _point(trajectory.positions[k, i])))
     return events
+
+
+def turning(world: World, trajectory: Trajectory, name: str) -> Array:
+    """Return how fast a rigid body turns (T,) [rad/s], of a ball on a floor without its spin about the vertical.
+
+    A ball touches the floor in a point, so that this spin lasts and leaves its place as it is.
+    """
+    spin: Array = trajectory.angular_velocities[:, trajectory.index(name)]
+    environment = world.environment
+    if isinstance(world.object(name).shape, Sphere):
+        lying = world.planar and environment.motion_plane.supports
+        up = geometry.plane_axes(environment.motion_plane)[2] if lying else np.asarray(environment.gravity)
+        up = up / max(float(np.linalg.norm(up)), 1e-12)
+        spin = spin - (spin @ up)[:, None] * up
+    turned: Array = np.linalg.norm(spin, axis=-1)
+    return turned
 
 
 def share_in_view(world: World, points: Array) -> Array:

@@ -1,11 +1,12 @@
 """Let a scripted agent answer questions about clips: `python -m tests.benchmarks.examination [--clips scene_1 ...]`.
 
 The policy is fixed and has no language model: ModelVideo with what is known, CommitWorld, one Ask with all eight
-questions, Finish. Clips, tasks and keys are those of ../shared/data/sliding (README there), or with --scenes FOLDER
-those that `tests.benchmarks.examination_scenes` wrote. Of each clip: yes/no questions that are right, errors of places
-[m], calls, characters returned (3 a token), wall seconds; in all also errors over that of staying at the last frame,
-and how many intervals hold. Scenes without a policy (pulleys, ropes, cloth) and clips that end in an error count as
-wrong.
+questions, Finish. A string over a pulley begins where the weights are seen to begin: ModelVideo and BuildWorld come
+before it. What moves at a rope or a cloth is taken to stay in the plane y = 0, as all that the scene states of it does.
+Clips, tasks and keys are those of ../shared/data/sliding (README there), or with --scenes FOLDER those that
+`tests.benchmarks.examination_scenes` wrote. Of each clip: yes/no questions that are right, errors of places [m], calls,
+characters returned (3 a token), wall seconds; in all also errors over that of staying at the last frame, and how many
+intervals hold. Clips that end in an error count as wrong.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ from tests.benchmarks.sliding import FOLDER
 Key = dict[str, Any]
 WORDS = r"the (\w+ \w+ (?:cube|cylinder|sphere))"
 AT_REST = 0.05  # [m/s], as the tasks define it
+TURNING = 1e3  # [rad/s], which nothing exceeds
+LINKS = 10  # of a rope, or along each edge of a cloth
+LIGHT = 0.002  # [kg/m], of a string whose mass does not count
 
 
 def question_of(text: str, end: float) -> dict[str, Any]:
@@ -71,15 +75,16 @@ def question_of(text: str, end: float) -> dict[str, Any]:
 class Task:
     """A clip with what is known of it, its questions as of Ask, and what is true: yes, no, or places by axis [m].
 
-    stays: for places, how far they are from that in the last frame; empty where not known.
+    stays: for places, how far they are from that in the last frame; empty where not known. scene: of one with a pulley.
     """
 
     name: str
     clip: Path
-    known: dict[str, Any] | None
+    known: dict[str, Any]
     questions: list[dict[str, Any]]
     answers: list[str | dict[str, float]]
     stays: list[float]
+    scene: Key | None = None
 
 
 def sliding_task(clip: str, key: Key) -> Task:
@@ -106,14 +111,16 @@ def scene_task(folder: Path) -> Task:
         q["answer"] if isinstance(q["answer"], str) else dict(zip(q["axes"], q["answer"], strict=True))
         for q in scene["questions"]
     ]
-    return Task(folder.name, folder / "clip.mp4", _known(scene), questions, answers, list(scene["stays"].values()))
+    for predicate in (q["predicate"] for q in questions if "predicate" in q):
+        predicate |= {"spin": TURNING} if predicate["predicate"] == "at_rest" else {}  # slower, however it turns
+    wheels = scene if any(f["kind"] == "pulley" for f in scene["known"]["fixed"]) else None
+    stays = list(scene["stays"].values())
+    return Task(folder.name, folder / "clip.mp4", _known(scene), questions, answers, stays, wheels)
 
 
-def _known(scene: Key) -> dict[str, Any] | None:
-    """Return what is known of a scene as arguments of ModelVideo; None where the policy has no words for it."""
-    known, build = scene["known"], {}
-    if "soft" in known or any(f["kind"] == "pulley" for f in known["fixed"]):
-        return None
+def _known(scene: Key) -> dict[str, Any]:
+    """Return what is known of a scene as arguments of ModelVideo."""
+    known, build = scene["known"], dict[str, Any]()
     solids = [f for f in known["fixed"] if f["kind"] == "box"]
     if solids:
         build["obstacles"] = [
@@ -130,10 +137,50 @@ def _known(scene: Key) -> dict[str, Any] | None:
         ]  # fmt: skip
     objects = [{name: o[name] for name in ("name", "shape", "color", "material", "mass")} for o in known["objects"]]
     found = {"objects": objects, "points": _points(known["calibration"])}
-    found |= {"seconds_per_frame": scene["seconds_per_frame"]} | ({"build": build} if build else {})
-    if known["side_view"]:
+    found |= {"seconds_per_frame": scene["seconds_per_frame"]}
+    if "soft" in known:
+        soft, (x, y, z) = known["soft"], known["soft"]["top"]
+        long, mass = soft["length"], soft["mass"]
+        if soft["name"] == "rope":
+            thing = {
+                "part": "rope",
+                "points": [[x, y, z], [x, y, z - long]],
+                "segments": LINKS,
+                "linear_density": mass / long,
+            }
+            held = [{"end": "start"}, {"end": "end", "to": soft["bead_at_end"]}]
+        else:
+            sheet = {"corner": [x, y - long / 2, z - long], "edge_u": [0, long, 0], "edge_v": [0, 0, long]}
+            thing = {"part": "cloth", "geometry": {"kind": "sheet", **sheet, "divisions": [LINKS, LINKS]}}
+            thing["areal_density"] = mass / long**2
+            held = [{"region": {"lower": [x - 0.01, y - long, z - 0.01], "upper": [x + 0.01, y + long, z + 0.01]}}]
+            build["representation"] = "spatial"
+        ends = [{"part": "attachment", "name": f"end_{k}", "object": soft["name"], **end} for k, end in enumerate(held)]
+        build["parts"] = [{"name": soft["name"], **thing}, *ends]
+        found["fit"] = {"materials": []}
+    if build:
+        found["build"] = build
+    if known["side_view"] or "soft" in known:
         found |= {"motion_plane": {"point": [0, 0, 0], "normal": [0, -1, 0]}, "floor": known["floor_height"]}
     return found
+
+
+def pulley(scene: Key, places: dict[str, list[float]]) -> dict[str, Any]:
+    """Return a string over a pulley between the tops of two weights at these places, for ModelVideo."""
+    known, (string,) = scene["known"], scene["known"]["strings"]
+    (wheel,) = (f for f in known["fixed"] if f["kind"] == "pulley")
+    half = {o["name"]: o["shape"]["half_height"] for o in known["objects"]}
+    names = sorted(string["objects"], key=lambda name: places[name][0])
+    tops = [[places[name][0], 0.0, places[name][2] + half[name]] for name in names]
+    ends = [
+        {"part": "attachment", "name": f"end_{k}", "object": "string", "end": end, "to": name}
+        for k, (end, name) in enumerate(zip(("start", "end"), names, strict=True))
+    ]
+    rope = {"part": "rope", "name": "string", "points": tops, "segments": LINKS, "linear_density": LIGHT}
+    over = {"part": "pulley", "name": "wheel", "rope": "string", "centre": wheel["position"], "radius": wheel["radius"],
+            "after": 0, "axis": [0, 1, 0]}  # fmt: skip
+    free = {"materials": [], "parameters": [{"paths": ["pulleys.wheel.bearing_friction"], "fixed": True}]}
+    return {"build": {"parts": [rope, *ends, over]}, "fit": free}
 
 
 def _points(calibration: list[Key]) -> list[dict[str, Any]]:
@@ -143,7 +190,6 @@ def _points(calibration: list[Key]) -> list[dict[str, Any]]:
 
 async def answered(task: Task, folder: Path, sizes: list[int]) -> list[dict[str, Any]]:
     """Return the answers that the policy gets. sizes: takes the number of characters of each result."""
-    assert task.known is not None, "no policy for what it shows"
     async with Client(build_server(folder / f"{task.name}.db", allow=[task.clip.parent])) as agent:
 
         async def call(tool: str, **arguments: Any) -> dict[str, Any]:
@@ -160,8 +206,15 @@ async def answered(task: Task, folder: Path, sizes: list[int]) -> list[dict[str,
             return body
 
         made = await call("ModelVideo", video=str(task.clip), name=task.name, **task.known)
+        if task.scene is not None:
+            facts = {name: task.known[name] for name in ("objects", "motion_plane", "floor", "seconds_per_frame")}
+            seen = await call("BuildWorld", case=task.name, **facts)
+            places = {o["name"]: o["position"] for o in seen["data"]["objects"]}
+            made = await call("ModelVideo", case=task.name, **pulley(task.scene, places))
         await call("CommitWorld", case=task.name, world=made["data"]["world"], even_if_failed=True)
-        there = {*made["objects"], *(o["name"] for o in task.known.get("build", {}).get("obstacles", []))}
+        built = task.known.get("build", {})
+        described = [part["name"] for key in ("obstacles", "parts") for part in built.get(key, [])]
+        there = {*made["objects"], *described}
         asked = [q for q in task.questions if _names(q) <= there]  # the others cannot be answered
         given = iter((await call("Ask", case=task.name, questions=asked))["data"]["answers"])
         answers: list[dict[str, Any]] = [next(given) if q in asked else {} for q in task.questions]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.foresight_scene import Clip, reach, tool_name
+from tests.benchmarks.foresight_scene import Clip, tool_name
 
 Floats = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ def _swung(clip: Clip, name: str, state: dict[str, Any], factor: float) -> dict[
 
 
 def question_of(clip: Clip, question: dict[str, Any], names: set[str]) -> tuple[dict[str, Any], bool]:
-    """Arguments of QueryWorld for a question, and whether its answer is the opposite of theirs."""
+    """Fields of Ask's whether for a question, and whether its answer is the opposite of theirs."""
     body, time = question["body"], float(question["time"])
     for name in (body, question.get("other")):
         if name is not None and tool_name(name) not in names:
@@ -93,10 +93,8 @@ def question_of(clip: Clip, question: dict[str, Any], names: set[str]) -> tuple[
             near = {"predicate": "within_distance", "a": body, "place": question["point"]}
         return {"predicate": {**near, "distance": question["distance"]}, "interval": instant}, True
     if question["type"] == "rest":
-        slow = float(clip.hidden["physics"]["rest_speed"])  # of the centre, and of the surface by rotation
-        thing = next(b for b in clip.bodies if b["name"] == body)
-        still = {"predicate": "at_rest", "object": body, "speed": slow, "spin": slow / reach(thing)}
-        return {"predicate": still, "aggregation": "all", "interval": [time, end]}, False
+        slow = float(clip.hidden["physics"]["rest_speed"])  # of the centre
+        return {"predicate": {"predicate": "moving", "object": body, "speed": slow}, "interval": [time, end]}, True
     if question["type"] == "touch":
         both = {"predicate": "in_contact", "a": body, "b": tool_name(question["other"])}
         return {"predicate": both, "interval": [question["from"], time]}, False

@@ -22,7 +22,6 @@ from tests.benchmarks.foresight_scene import Clip, shape_of, surroundings, true_
 Floats = NDArray[np.float64]
 Source = Literal["video", "tracks"]
 
-MEMBERS = 40
 STIRS = 0.01  # m of way, or m/s at the clip's end, from which a body counts as moving after the clip
 FLOORED = 0.5  # of a body's height: where a straight line ends that would go through the floor
 
@@ -158,18 +157,18 @@ async def _branch(
         found.inexpressible.append(f"edit {edit}: {error}")
         _unanswered(clip, found, edit, str(error))
         return
-    rollout = rolled["data"]["rollout"]
+    world = rolled["data"]["world"]
     ends = {item["object"]: np.asarray(item["end"]) for item in rolled["data"]["objects"] if item.get("end")}
     for name in truth["names"]:
         if name in {b["name"] for b in clip.bodies}:
             found.endings.append(_ending(clip, name, edit, truth, ends.get(name)))
     for number, question in enumerate(clip.hidden["questions"]):
         if question["edit"] == edit:
-            found.answers.append(await _asked(call, clip, rollout, number, question, names))
+            found.answers.append(await _asked(call, clip, case, world, number, question, names))
 
 
 async def _asked(
-    call: Caller, clip: Clip, rollout: str, number: int, question: dict[str, Any], names: set[str]
+    call: Caller, clip: Clip, case: str, world: str, number: int, question: dict[str, Any], names: set[str]
 ) -> Answered:
     def answered(probability: float | None, note: str = "") -> Answered:
         kind, group = str(question["type"]), str(question["group"])
@@ -177,13 +176,14 @@ async def _asked(
 
     try:
         asked, opposite = question_of(clip, question, names | {"floor"})
-        data = (await call("QueryWorld", rollout=rollout, ensemble=MEMBERS, **asked))["data"]
+        rows = (await call("Ask", case=case, worlds=[world], questions=[{"ask": "whether", **asked}]))["data"][
+            "answers"
+        ]
     except (Inexpressible, RuntimeError) as error:
         return answered(None, str(error))
-    about = data["ensemble"]
-    if "probability" not in about:
-        return answered(None, str(about.get("reason")))
-    share = float(about["probability"])
+    if "probability" not in rows[0]:
+        return answered(None, str(rows[0]["answer"]))
+    share = float(rows[0]["probability"])
     return answered(1.0 - share if opposite else share)
 
 

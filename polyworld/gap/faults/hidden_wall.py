@@ -147,7 +147,7 @@ def _walls(world: World, recording: Recording, axes: Sequence[int]) -> list[_Fac
     for track in tracks(world, recording):
         seen = np.all(np.isfinite(track.places[:, list(axes)]), axis=1)
         points.append(np.where(np.isfinite(track.places[seen]), track.places[seen], 0.0))
-        radii.append(np.full(int(seen.sum()), reach(world, world.object(track.name)) - 4.0 * track.noise))
+        radii.append(np.full(int(seen.sum()), reach(world, world.object(track.object)) - 4.0 * track.noise.max()))
     everywhere, radius = np.concatenate(points), np.concatenate(radii)
     hits = kinks(world, recording)[:MOST_HITS]
     found: list[_Face] = []

@@ -40,12 +40,16 @@ def test_a_video_becomes_a_committed_world_and_an_answer_in_four_calls(session: 
     assert data["found_by_colour_and_size"] == ["left", "right"]
     assert data["verdict"].startswith("follows")
     assert {row["object"] for row in data["errors"]} == {"left", "right"}
-    assert all(row["error_px"] < 1.5 and row["of_radius"] < 0.2 for row in data["errors"])
+    assert all(row["error_px"] < 1.5 and row["error_over_radius"] < 0.2 for row in data["errors"])
     friction = next(row for row in data["values"] if row["name"].startswith("friction"))
     assert friction["interval80"][0] <= friction["value"] <= friction["interval80"][1]
-    assert friction["prior"] is not None
+    assert friction["prior80"][0] < friction["prior80"][1]
+    assert "product" in data["contacts"]
+    assert not any("lower loss" in doubt for doubt in data["doubts"])  # its own other world was passed over on purpose
     assert {body["object"] for body in data["prediction"]["bodies"]} == {"left", "right"}
     assert f"CommitWorld(case={case!r}, world={data['world']!r})" in data["next"]
+    spins = session("ReadProperty", case=case, world=data["world"], property="angular_velocity")["data"]["values"]
+    assert [row["known"] for row in spins] == ["assumed", "assumed"]  # plain discs show no turning
     session("CommitWorld", case=case, world=data["world"])
     rolled = session("Rollout", case=case, horizon_frames=FRAMES + 10)
     asked = {"predicate": "collides", "a": "left", "b": "right"}

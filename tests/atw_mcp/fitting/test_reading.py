@@ -78,12 +78,12 @@ def test_open_values_come_first_where_they_decide_what_happens_next() -> None:
     decided = {
         "object": "cube",
         "error": 0.01,
-        "spread": [0.0, 0.1, 0.3],
-        "decided_by": [{"constant": "b", "part": 0.8}],
+        "half_width80": {"cut": 0.0, "0.5_s_after": 0.1, "1_s_after": 0.3},
+        "decided_by": [{"constant": "b", "share_of_variance": 0.8}],
     }
     asked = document(0.008, 0.05)
     asked["undetermined"] = [{"parameters": [name], "reason": "prior"} for name in ("a", "b")]
-    asked["prediction"] = {"frame": 40, "bodies": [decided]}
+    asked["prediction"] = {"first_frame_left_out": 40, "bodies": [decided]}
     rows, count = open_questions(asked)
     assert count == 2
     assert rows[0]["object"] == "b"
@@ -106,7 +106,8 @@ def test_a_better_draft_is_named(session: Session, tmp_path: Path) -> None:
     poor = session("FitWorld", **asked, method="random_search", generations=1, population=8)
     assert poor["data"]["best_draft"]["world"] == good["data"]["world"]
     assert poor["data"]["loss"] > good["data"]["loss"]
-    assert any(good["data"]["world"] in text for text in poor["data"]["warnings"])
+    assert good["data"]["world"] in poor["summary"]
+    assert not any(good["data"]["world"] in text for text in poor["data"]["warnings"])
     assert "starting world" in good["summary"]
     assert "predicts the frames from" in good["summary"]
     again = session("FitWorld", **asked)

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from atw_mcp.fitting.verdict import SETTINGS, BodyFit, FitVerdict, chance_of_wrong, is_far_off, judge
-from atw_mcp.probing.ensemble_answers import query_answer, query_in_words
+from atw_mcp.probing.ensemble_answers import chance_of
 from atw_mcp.probing.ensembles import Ensemble
 from polyworld.estimation.accuracy import errors
 from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.fitted import FittedRun
 from polyworld.estimation.readout import tracks_readout
 from polyworld.estimation.unknown import Unknown
+from polyworld.probing.predicates import Collides
 from polyworld.probing.query import QueryResult
 from tests.polyworld.estimation.closed_form import ClosedForm, observe, thrown_ball
 from tests.polyworld.synthetic import of_one
@@ -103,10 +104,10 @@ def test_a_body_off_by_more_than_contacts_bear_makes_answers_less_sure() -> None
     none: tuple[()] = ()
     for chance, expected in ((0.0, 1.0), (0.35, 0.825)):
         members = Ensemble(worlds=none, rollouts=none, parameters={}, units={}, wrong=chance, why=why)
-        about = query_answer(replace(members, worlds=(thrown_ball(),) * 40), [true] * 40, "any", ())
-        assert (about["true"], about["probability"]) == (40, pytest.approx(expected))
-        assert about["probability_interval"][1] == pytest.approx(expected)
-        assert ("no surer because" in query_in_words(about, "any")) == (chance > 0.0)
+        members = replace(members, worlds=(thrown_ball(),) * 40)
+        about = chance_of(members, range(40), [true] * 40, Collides(a="ball"))
+        assert about["probability"] == pytest.approx(expected)
+        assert (about["less_sure_because"] is not None) == (chance > 0.0)
 
 
 def test_errors_along_the_line_of_sight_count_by_what_is_known_there() -> None:

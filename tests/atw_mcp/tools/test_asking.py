@@ -161,6 +161,11 @@ def test_candidate_worlds_weigh_by_what_they_predicted(tmp_path: Path) -> None:
     assert abs(both["median"] - STOP) < 0.005
     side = session.shown("Ask", case="slide", questions=[question], worlds=[first, other])["data"]["answers"][0]
     assert side["by_world"] == pytest.approx({first: alone["median"], other: wrong["median"]}, abs=0.005)
+    middle = 0.5 * (alone["median"] + wrong["median"])
+    between = {"predicate": "moved_by_more_than", "object": "red", "distance": middle}
+    asks = {"ask": "whether", "predicate": between, "edits": question["edits"], "at": 2.0}
+    (torn,) = session.shown("Ask", case="slide", questions=[asks], worlds=[first, other])["data"]["answers"]
+    assert "(the worlds disagree: see by_world)" in torn["answer"]
     squares = []
     for fit in (fitted, worse):
         about = next(body for body in fit["prediction"]["bodies"] if body["object"] == "red")
@@ -173,6 +178,90 @@ def test_candidate_worlds_weigh_by_what_they_predicted(tmp_path: Path) -> None:
     for world in (other, first):
         assert session("CommitWorld", case="slide", world=world)["source"]["world"] == world
         assert session("Ask", case="slide", questions=[question])["source"]["world"] == world
+
+
+def test_a_list_of_numbers_in_an_edit_is_answered_for_each(session: Session) -> None:
+    """From v the block stops after v^2 / (2 mu g)."""
+    alone = {"action": "remove", "object": "blue"}
+    factors = [0.5, 1.0, 1.5]
+    scan = {"ask": "how_far", "object": "red", "edits": [alone, {"action": "scale_velocity", "object": "red"}]}
+    scan["edits"][1]["factor"] = factors
+    *rows, last = asked(session, scan, {"ask": "whether", "predicate": MEET}, horizon_seconds=2.0)
+    assert last["question"] == "whether collides red blue"
+    for factor, row in zip(factors, rows, strict=True):
+        assert f"scale_velocity red factor={factor:g}" in row["question"]
+        assert row["value"]["median"] == pytest.approx(factor**2 * STOP, rel=0.15)
+    two = {**scan, "edits": [*scan["edits"], {"action": "scale_parameter", "path": "objects.red.friction"}]}
+    two["edits"][2]["factor"] = [1, 2]
+    assert "one number at a time" in session.refused("Ask", case="slide", questions=[two])
+    text = session.refused("Ask", case="slide", questions=[scan, {"ask": "where", "object": "rde"}])
+    assert text.startswith("question 2")
+    many = {**scan, "edits": [{"action": "scale_velocity", "object": "red", "factor": [0.1 * k for k in range(1, 40)]}]}
+    assert "ask for 32 at most" in session.refused("Ask", case="slide", questions=[many])
+
+
+def test_whether_may_name_one_moment_and_rest_has_a_time(session: Session) -> None:
+    """It has stopped by v / (mu g), and is at rest for sure some time later."""
+    alone = [{"action": "remove", "object": "blue"}]
+    rest, stop = {"predicate": "at_rest", "object": "red"}, {"predicate": "comes_to_rest", "object": "red"}
+    early, late, stops = asked(
+        session,
+        {"ask": "whether", "predicate": rest, "at": 0.3, "edits": alone},
+        {"ask": "whether", "predicate": rest, "at": 1.5, "edits": alone},
+        {"ask": "when", "predicate": stop, "edits": alone},
+        horizon_seconds=2.0,
+    )
+    assert early["probability"] < 0.1
+    assert late["probability"] > 0.95
+    assert late["question"].endswith("at 1.5 s")
+    low, high = stops["value"]["95%"]
+    assert low < SPEED / FALL < high < 1.0
+    both = {"ask": "whether", "predicate": rest, "at": 1.0, "interval": [0, 1]}
+    assert "at or interval" in session.refused("Ask", case="slide", questions=[both])
+
+
+def test_an_answer_names_constants_as_the_fit_does_and_only_those_that_it_hangs_on(tmp_path: Path) -> None:
+    """Where red stops hangs on its friction; that it does not reach green, which is far off, on nothing."""
+    session, fitted = committed(tmp_path, FRAMES)
+    alone = [{"action": "remove", "object": "blue"}]
+    stops, misses = asked(
+        session,
+        {"ask": "how_far", "object": "red", "edits": alone},
+        {"ask": "whether", "predicate": {"predicate": "nearer_than", "a": "red", "b": "green", "distance": 0.5}},
+        horizon_seconds=2.0,
+    )
+    names = {value["name"] for value in fitted["values"]}
+    assert stops["goes_with"]
+    for row in stops["goes_with"]:
+        assert row["parameter"] in names or row["parameter"].startswith(("red.position", "red.velocity"))
+    assert misses["probability"] < 0.05
+    assert "goes_with" not in misses
+
+
+def test_a_body_that_enters_later_is_asked_about_from_then_on(tmp_path: Path) -> None:
+    """It is not there before: neither unknown nor a collision."""
+    session = Session(tmp_path / "atw.db")
+    path = tmp_path / "late.csv"
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["t", "object", "x", "y", "z"])
+        for k in range(8):
+            writer.writerow([0.04 * k, "blue", 0.9, 0.0, HALF])
+            if k >= 2:
+                writer.writerow([0.04 * k, "red", 0.04 * (k - 2), 0.0, HALF])
+    session("OpenCase", data=str(path), name="slide")
+    session("ImportObservation", case="slide", kind="tracks", path=str(path), position_sigma=SIGMA)
+    session("BuildWorld", case="slide", default_shape={"kind": "box", "half_extents": [HALF] * 3})
+    world = session("FitWorld", case="slide", patience_seconds=300)["data"]["world"]
+    session("CommitWorld", case="slide", world=world)
+    meets, before = asked(
+        session,
+        {"ask": "whether", "predicate": MEET, "interval": [0.0, 0.4]},
+        {"ask": "whether", "predicate": MEET, "interval": [0.0, 0.04]},
+    )
+    assert meets["probability"] < 0.2  # 0.8 m at 1 m/s take longer
+    assert "from 0.08 s on, when red enters" in meets["answer"]
+    assert before["answer"].startswith("unknown: ")
 
 
 def test_the_questions_that_the_readme_shows_are_read(session: Session) -> None:

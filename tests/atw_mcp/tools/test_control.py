@@ -144,6 +144,14 @@ def test_an_answer_is_kept_with_the_evidence_it_rests_on(session: Session, case:
     ]
 
 
+def test_an_answer_may_be_json(session: Session, case: str) -> None:
+    """The text of an object stays text."""
+    evidence = session("OpenCase", case=case)["evidence"]
+    text = '{"p1": "no", "n1": [-2.43, -0.55]}'
+    done = session("Finish", case=case, question="both", evidence=[evidence], answer=text)
+    assert done["data"]["answer"] == text
+
+
 def test_a_committed_file_can_be_opened_afresh_under_another_name(session: Session, tmp_path: Path) -> None:
     clip = str(write_clip(tmp_path / "discs.mp4"))
     first = session("OpenCase", video=clip)["case"]

@@ -24,13 +24,6 @@ def test_worse_of_two_verdicts_and_probabilities_of_members(tmp_path: Path) -> N
     assert (found["a"].verdict, found["a"].rms, found["a"].evidence) == ("poor", 0.01, video)
     assert found["a"].doubts == ["the ball is 0.13 m off"]
     assert (found["b"].verdict, found["b"].rms, found["b"].evidence) == ("poor", None, fit)
-    predicate = {"predicate": "collides", "a": "red_ball", "b": "wall"}
-    about = {"probability": 0.93, "probability_interval": [0.85, 0.97], "less_sure_because": None}
-    alone = add("QueryWorld", predicate=predicate, ensemble=None)
-    asked = add("QueryWorld", answers=[{"predicate": predicate, "ensemble": about}, {"predicate": predicate}])
-    (chance,) = chances(store, ["ev-999", fit, alone, asked])
-    assert (chance.evidence, chance.statement) == (asked, "red ball collides wall")
-    assert (chance.probability, chance.interval90) == (0.93, [0.85, 0.97])
     store.close()
 
 

@@ -225,7 +225,8 @@ def test_predictions_are_rollouts_of_the_sample() -> None:
     count = len(next(iter(found.sample.values())))
     batch = simulator(found.start, times, n_worlds=count).run(found.sample)
     ends = np.median(batch.positions[:, :, 0, :2], axis=0) - run.tracks.positions[20:, 0, :2]
-    assert body.error == pytest.approx(float(np.sqrt((ends**2).sum(axis=1).mean())), rel=0.02)
+    error = float(np.sqrt((ends**2).sum(axis=1).mean()))
+    assert body.error == pytest.approx(error, abs=0.1 * SIGMA)  # two samples of one posterior
     still = run.tracks.positions[20:, 0, :2] - run.tracks.positions[19, 0, :2]
     assert body.stays == pytest.approx(float(np.sqrt((still**2).sum(axis=1).mean())), rel=1e-9)
     exact = slide(discs([WOOD]), ALONE, SECONDS)[-1, 0, :2]

@@ -71,7 +71,7 @@ def test_outliers_count_as_huber_has_it() -> None:
     robust = least_squares(lambda z: matrix @ z + offset, np.zeros(matrix.shape[1]), loss="huber", f_scale=4.0,
                            xtol=1e-15, ftol=1e-15, gtol=1e-12)  # fmt: skip
     plain = np.linalg.lstsq(matrix, -offset)[0]
-    found = own.fit()
+    found = own.descend(own.start(), 1.0)
     assert found.cost == pytest.approx(2.0 * robust.cost, rel=1e-5)
     assert np.abs(found.point.shared - robust.x[:3]).max() < 0.1 * np.abs(plain[:3] - robust.x[:3]).max()
 

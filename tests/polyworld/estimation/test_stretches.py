@@ -41,6 +41,17 @@ def test_a_collision_is_found_at_its_frame_and_by_those_who_met(seed: int) -> No
     assert rows.start - 2 <= contact(BYSTANDER, 3) / FRAME <= rows.stop
 
 
+@pytest.mark.parametrize("after", range(7))
+def test_a_clip_that_ends_after_a_collision_is_not_cut_before_it(after: int) -> None:
+    """Two parabolas that share out the jump otherwise may fit its last samples as well."""
+    met = contact(CROSSING, 2) / FRAME
+    for seed in range(6):
+        seen = tracks(path(), seed=seed).window(0, round(met) + after)
+        found = collisions(world(2), seen, np.full(2, SIGMA), LINKS)
+        assert all(rows.start - 2 <= met <= rows.stop for rows, _ in found)
+        assert found or after < 6
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_noise_friction_and_stopping_are_no_collision(seed: int) -> None:
     """One puck comes to rest, and two pass each other at 5 cm."""

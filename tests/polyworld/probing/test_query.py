@@ -11,7 +11,7 @@ from polyworld.probing.predicates import (
     AtRest,
     Below,
     Collides,
-    ComesToRestBefore,
+    ComesToRest,
     InContact,
     InsideRegion,
     InView,
@@ -25,7 +25,7 @@ from polyworld.probing.predicates import (
 )
 from polyworld.probing.query import QueryResult, query
 from polyworld.solver.rollout import rollout
-from polyworld.world import Region, StaticObject, World
+from polyworld.world import MotionPlane, Region, StaticObject, World
 from polyworld.world.shapes import Sphere, Wall
 from tests.verification.planar_scenes import G, body, disc, side_view, top_view
 
@@ -228,16 +228,29 @@ def test_surfaces_come_within_a_distance_before_they_touch() -> None:
         WithinDistance(a="red", distance=0.1)
 
 
-def test_coming_to_rest_has_a_time_and_an_order() -> None:
+def test_coming_to_rest_happens_at_an_instant() -> None:
     """Red stops dead in the contact at 0.3 s; blue never rests."""
-    assert ask(ComesToRestBefore(a="red", time=0.5)).value is True
-    assert ask(ComesToRestBefore(a="red", time=0.2)).value is False
-    assert ask(ComesToRestBefore(a="red", b="blue")).value is True
-    assert ask(ComesToRestBefore(a="blue", b="red")).value is False
-    assert ask(ComesToRestBefore(a="blue", time=0.9)).value is False
-    beyond = ask(ComesToRestBefore(a="blue", time=5.0), (0.0, 6.0))
-    assert not beyond.decided
-    assert "does not come to rest" in (beyond.reason or "")
+    rests = ComesToRest(object="red")
+    assert ask(rests, aggregation="first").value == pytest.approx(0.3, abs=0.03)
+    assert ask(rests, aggregation="count").value == 1
+    assert ask(rests, (0.0, 0.2)).value is False
+    assert ask(ComesToRest(object="blue")).value is False
+    assert not ask(ComesToRest(object="blue"), (0.0, 6.0)).decided
+    with pytest.raises(ValueError, match="holds at instants"):
+        ask(rests, aggregation="all")
+
+
+def test_a_ball_that_spins_about_the_vertical_comes_to_rest_where_its_centre_stops() -> None:
+    """Sliding friction mu stops it after v / (mu g); nothing but a point of contact slows its spin."""
+    ball = body("ball", Sphere(radius=0.1), (0.0, 0.0, 0.1), velocity=(1.0, 0.0, 0.0), friction=0.4)
+    world = top_view(
+        ball.model_copy(update={"angular_velocity": (0.0, 0.0, 5.0)}), motion_plane=MotionPlane(friction=0.4)
+    )
+    run = rollout(world, 1.0)
+    assert run.trajectory.angular_velocities[-1, 0, 2] == pytest.approx(5.0, rel=0.2)
+    stops = 1.0 / (0.4 * 9.81)
+    for statement in (AtRest(object="ball"), ComesToRest(object="ball")):
+        assert query(run, world, statement, aggregation="first").value == pytest.approx(stops, abs=0.05)
 
 
 @pytest.mark.parametrize(
@@ -249,7 +262,6 @@ def test_coming_to_rest_has_a_time_and_an_order() -> None:
         (Moving(object="red", speed=0.5), "all", -0.5, "m/s"),
         (Collides(a="red", b="wall"), "any", None, "m"),
         (Collides(a="red", b="blue"), "any", 0.0, "m"),
-        (ComesToRestBefore(a="red", time=0.5), "any", 0.2, "s"),
     ],
 )
 def test_an_answer_has_a_margin_of_its_own_sign(
