@@ -236,7 +236,8 @@ def _proposal(
 ) -> Proposal:
     whole = [r for r in chain.regions if not r.border] or chain.regions
     usual = float(np.median([r.area for r in whole]))
-    clearest = max(whole, key=lambda r: r.solid * _completeness(r, whole, settings) * min(0.5 + r.alone, 1.0))
+    most = float(np.percentile([r.area for r in whole], 75))  # more often a part is missing than something is added
+    clearest = max(whole, key=lambda r: r.solid * np.exp(-abs(np.log(r.area / most))) * min(0.5 + r.alone, 1.0))
     seed = Seed(name, "outline", clearest.frame, grown(frames[clearest.frame], _outline(clearest, factor), settings))
     solid = float(np.median([r.solid for r in whole]))
     spread = float(np.median(np.abs(np.log([r.area / usual for r in whole]))))
@@ -260,13 +261,6 @@ def _proposal(
     body = replace(outline_body(name, seed), scales=True)  # it may come nearer
     regions = tuple(chain.regions)
     return Proposal(body, (seed,), float(confidence), float(moves), kind, bool(confidence < 0.7), span, regions)
-
-
-def _completeness(region: Region, regions: list[Region], settings: EyeSettings) -> float:
-    """Smaller over larger of a region's area and that of most near it in time: more often a part is missing than
-    something is added."""
-    near = [r.area for r in regions if abs(r.frame - region.frame) <= 2 * settings.gap]
-    return float(np.exp(-abs(np.log(region.area / np.percentile(near, 75)))))
 
 
 def _follows(chain: _Chain, others: list[_Chain], settings: EyeSettings) -> bool:

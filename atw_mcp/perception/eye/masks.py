@@ -41,9 +41,8 @@ class BodyMask:
 def body_mask(scene: Scene, body: int, frame: int, margin: float = 0.5) -> BodyMask:
     """Segment a body within `margin` [radii] of its silhouette in a frame, by mean field of a Potts model.
 
-    Each pixel's log odds are those of the scene, and of the silhouette, which is not quite that of a body that rotates
-    or comes nearer; unlike neighbours pay `smooth`. Of the parts, those that touch the silhouette are the body's.
-    Raises ValueError where the body has no pose.
+    Each pixel's log odds are those of the scene; unlike neighbours pay `smooth`. Of the parts, those that touch the
+    silhouette are the body's. Raises ValueError where the body has no pose.
     """
     pose = scene.poses[body, frame]
     if not np.isfinite(pose[0]):
@@ -55,7 +54,6 @@ def body_mask(scene: Scene, body: int, frame: int, margin: float = 0.5) -> BodyM
     u, v = np.meshgrid(np.arange(size[0]) + corner[0], np.arange(size[1]) + corner[1])
     odds, free = scene.log_odds(body, frame, pose, np.stack([u.ravel(), v.ravel()], axis=1).astype(float))
     odds = np.where(free, odds, -scene.settings.decided).reshape(u.shape).astype(np.float32)
-    odds += scene.settings.silhouette * _side(filled(shape.polygon(pose), corner, size), 0.1 * shape.radius(pose))
     probability = _sigmoid(odds)
     while True:
         around = cv2.filter2D(2 * probability - 1, -1, NEIGHBOURS, borderType=cv2.BORDER_REPLICATE)
@@ -93,12 +91,6 @@ def at_half_light(levels: Array, mask: Mask, free: Mask, near: float) -> Mask:
     apart = [((levels - mean) ** 2).sum(axis=-1) for mean in means]
     decided = rim & (np.minimum(*weights) > 1e-3)
     return np.asarray(np.where(decided, apart[0] < apart[1], mask))
-
-
-def _side(inside: Mask, width: float) -> Array:
-    """Signed distance (h, w) from the edge of a silhouette in widths [px], positive inside, limited to -1..1."""
-    within, beyond = (cv2.distanceTransform(side.astype(np.uint8), cv2.DIST_L2, 3) for side in (inside, ~inside))
-    return np.asarray(np.clip((within - beyond) / max(width, 1.0), -1.0, 1.0), dtype=np.float32)
 
 
 def _sigmoid(odds: Array) -> Array:

@@ -81,7 +81,6 @@ class EyeSettings:
     growth: float = 0.02  # [log] standard deviation of an outline's scale from that of its seed
 
     # masks
-    silhouette: float = 1.5  # [nats] for a pixel well inside the silhouette, against one well outside it
     smooth: float = 1.2  # [nats] price of a pair of neighbours of different states
 
     # discovery
