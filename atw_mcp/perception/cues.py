@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.perception.masks import Mask
+from atw_mcp.perception.masks import Mask, window
 from atw_mcp.perception.masks import solidity as solidity_of
 from atw_mcp.perception.observation import Cue
 from atw_mcp.perception.video import Frames
@@ -59,7 +59,8 @@ def material_cue(samples: list[tuple[Frames, Mask]]) -> Cue:
     """
     highlights, contrasts, textures = [], [], []
     for image, mask in samples:
-        luminance = image.astype(float) @ np.array([0.114, 0.587, 0.299])
+        part = window(mask)
+        mask, luminance = mask[part], image[part].astype(float) @ np.array([0.114, 0.587, 0.299])
         values = luminance[mask]
         if len(values) < 30:
             continue

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from atw_mcp.perception.calibration import CalibrationError, calibrate_from_homography
 from atw_mcp.perception.describing import describe
 from atw_mcp.perception.import_files import ImportDataError, read_arrays, read_json
-from atw_mcp.perception.masks import Mask, MaskError, RunLengthMask
+from atw_mcp.perception.masks import Mask, MaskError, RunLengthMask, window
 from atw_mcp.perception.naming import slug, unique
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import Frames, existing_file, load
@@ -67,11 +67,12 @@ def standing_apart(all_masks: list[list[Mask]]) -> list[list[bool]]:
     kernel = np.ones((3, 3), np.uint8)
     apart = [[True] * len(series) for series in all_masks]
     for t in range(len(all_masks[0]) if all_masks else 0):
-        total = np.sum([series[t] for series in all_masks], axis=0)
         for k, series in enumerate(all_masks):
-            if series[t].any():
-                grown = cv2.dilate(series[t].astype(np.uint8), kernel) > 0
-                apart[k][t] = not bool((total[grown] > series[t][grown]).any())
+            near = window(series[t], 1)
+            own = series[t][near]
+            grown = cv2.dilate(own.astype(np.uint8), kernel) > 0 if own.size else own
+            around = (grown & other[t][near] for m, other in enumerate(all_masks) if m != k)
+            apart[k][t] = not any(part.any() for part in around)
     return apart
 
 

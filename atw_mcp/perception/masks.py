@@ -30,19 +30,26 @@ class RunLengthMask:
     @classmethod
     def encode(cls, mask: Mask) -> Self:
         """Run lengths of a mask (height, width)."""
-        flat = np.asarray(mask, dtype=bool).ravel(order="F")
-        changes = np.flatnonzero(np.diff(flat)) + 1
-        edges = np.concatenate([[0], changes, [flat.size]])
+        height, width = (int(n) for n in mask.shape)
+        columns = window(mask)[1]
+        flat = np.asarray(mask[:, columns], dtype=bool).ravel(order="F")
+        changes = np.flatnonzero(np.diff(flat, prepend=False, append=False)) + height * columns.start
+        edges = np.concatenate([[0], changes, [height * width]])
         counts = np.diff(edges).tolist()
-        if flat.size and flat[0]:
-            counts = [0, *counts]
-        return cls(int(mask.shape[0]), int(mask.shape[1]), tuple(int(c) for c in counts))
+        return cls(height, width, tuple(counts if counts[-1] or len(counts) == 1 else counts[:-1]))
 
     def decode(self) -> Mask:
         """Return the mask (height, width)."""
         runs = np.asarray(self.counts, dtype=np.int64)
         flat = np.repeat(np.arange(len(runs)) % 2 == 1, runs)
         return flat.reshape(self.width, self.height).T
+
+    def pixels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows and columns (N,) of the object's pixels."""
+        runs = np.asarray(self.counts, dtype=np.int64)
+        ends, lengths = np.cumsum(runs)[1::2], runs[1::2]
+        places = np.arange(lengths.sum()) + np.repeat(ends - np.cumsum(lengths), lengths)
+        return places % self.height, places // self.height
 
     @property
     def area(self) -> int:
@@ -117,6 +124,17 @@ def expand_counts(text: str) -> tuple[int, ...]:
             raise MaskError(f"compressed counts hold a negative run at character {position}")
         counts.append(value)
     return tuple(counts)
+
+
+def window(mask: Mask, margin: int = 0) -> tuple[slice, slice]:
+    """Rows and columns around a mask, with a margin [px] as far as the image has one; empty of an empty mask."""
+    left, top, width, height = cv2.boundingRect(np.ascontiguousarray(mask, dtype=np.uint8))
+    if not width:
+        return slice(0, 0), slice(0, 0)
+    return (
+        slice(max(top - margin, 0), min(top + height + margin, mask.shape[0])),
+        slice(max(left - margin, 0), min(left + width + margin, mask.shape[1])),
+    )
 
 
 def touches_border(mask: Mask) -> bool:

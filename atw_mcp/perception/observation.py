@@ -249,7 +249,7 @@ def measure(masks: tuple[RunLengthMask | None, ...]) -> tuple[Floats, Floats, ND
     for t, stored in enumerate(masks):
         if stored is None or stored.area == 0:
             continue
-        y, x = np.nonzero(stored.decode())
+        y, x = stored.pixels()
         centroid[t] = x.mean(), y.mean()
         box[t] = x.min(), y.min(), x.max() - x.min() + 1, y.max() - y.min() + 1
         area[t] = len(x)

@@ -23,8 +23,8 @@ from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Pro
 
 MIN_LIFE = 5  # frames an object must be seen in
 MEANT = 0.5  # probability from which a proposal is taken for a body
+SURE = 0.8  # usual confidence of a body that is surely followed
 TEXTURED = 4.0  # [levels] of the background about its smooth course: coding and noise of cameras are 1 to 3
-RIGID = 0.6  # overlap, in half of the frames, of a rigid body with the regions that move: a small one's rims cost 0.3
 
 
 def observe(
@@ -68,7 +68,7 @@ def observe(
     ticks, steps, first, size, doing = 0, 3 * len(frames), 0.2, 0.2, "looking for objects"
     proposals = eye.discover(clip.steady, least=smallest, tick=tick)
     warnings = list(info.warnings)
-    bodies = [p for p in proposals if p.confidence > MEANT]
+    bodies = [p for p in proposals if p.moves > MEANT]
     if len(bodies) > max_objects:
         warnings.append(
             f"more than {max_objects} objects: {len(bodies) - max_objects} regions were left out; raise max_objects"
@@ -76,15 +76,15 @@ def observe(
     ticks, steps, first, size = 0, PASSES * len(frames), 0.4, 0.55
     doing = f"following {len(bodies[:max_objects])} bodies"
     observation = ImageObservation(info, clip.numbers, (), camera_motion=clip.motion)
-    objects, unsure = _objects(clip, bodies[:max_objects], tick)
+    kept, objects, unsure = _objects(clip, bodies[:max_objects], tick)
     observation = replace(observation, objects=tuple(objects))
     warnings += unsure
     for kind, why in (
         ("shadow", "as shadows, since they darken the ground and move as a body does"),
         ("changing", "since their shape changes and they are seen for a part of the time"),
-        ("body", "since they are seen briefly, or now larger and now smaller"),
+        ("body", "since they are seen briefly, change in size, or rest and are not of the size of what moves"),
     ):
-        left = [p for p in proposals if p.kind == kind and p.confidence <= MEANT]
+        left = [p for p in proposals if p.kind == kind and p not in kept]
         if left:
             warnings.append(f"left out {why}: {_places(clip, left)}. If one is a body, add it by an outline")
     if expected:
@@ -115,24 +115,28 @@ def observe(
 
 def _objects(
     clip: Clip, proposals: list[eye.Proposal], tick: Callable[[], None]
-) -> tuple[list[ObservedObject], list[str]]:
-    """Objects of proposals, named, and warnings where they are unsure; rigid bodies are followed, others as seen."""
-    rigid = [p for p in proposals if p.kind == "body"]
+) -> tuple[list[eye.Proposal], list[ObservedObject], list[str]]:
+    """Proposals that are objects, these, named, and warnings where they are unsure.
+
+    All are followed as rigid bodies; those that are not surely followed are kept as seen where they are probable.
+    """
     found: dict[str, ObservedObject] = {}
     tracks: dict[str, eye.Track] = {}
-    if rigid:
-        seeds = [s for p in rigid for s in p.seeds]
-        followed, scene = eye.observe(clip.steady, [p.body for p in rigid], seeds, tick=tick)
+    if proposals:
+        seeds = [s for p in proposals for s in p.seeds]
+        followed, scene = eye.observe(clip.steady, [p.body for p in proposals], seeds, tick=tick)
         tracks = {t.body.name: t for t in followed}
         found = described(clip, followed, scene, ())
     white = float(np.percentile(clip.frames[0].astype(np.float32) @ LUMINANCE, WHITE))
-    agreement = {p.body.name: _agreement(p, found.get(p.body.name)) for p in rigid if p.regions}
-    changing = [p for p in rigid if p.regions and (agreement[p.body.name] or 0.0) < RIGID]
-    for p in [*changing, *[p for p in proposals if p not in rigid]]:
+    width = clip.frames.shape[2]
+    unlike = [
+        p for p in proposals if p.regions and not _is_rigid(p, tracks[p.body.name], found.get(p.body.name), width)
+    ]
+    for p in unlike:
         found.pop(p.body.name, None)
         tracks.pop(p.body.name, None)
-        contrary = p in changing and agreement[p.body.name] is not None and p.unlike_rigid() <= MEANT
-        made = None if contrary else _as_seen(clip, p, found, white)
+    for p in unlike:
+        made = _as_seen(clip, p, found, white) if p.unlike_rigid() > MEANT else None
         if made is not None:
             found[p.body.name] = made
     least = min(MIN_LIFE, len(clip.numbers))
@@ -143,27 +147,27 @@ def _objects(
     for name, p, seen in zip(names, kept, looks, strict=True):
         if p.body.name in tracks:
             warnings += doubts(clip, name, tracks[p.body.name], seen.confidence)
-        if p.ask or p in changing:
+        if p in unlike or p.ask:
             why = (
                 "its area or shape changes: it may be deformable, several bodies, or a part of one"
-                if p.kind == "changing" or p in changing
+                if p in unlike
                 else "it only darkens the ground, and may be a shadow, or it is seen briefly"
             )
             warnings.append(f"{name} is doubtful: {why}. Look at it, then outline, drop or merge it")
-    return [replace(o, name=n) for n, o in zip(names, looks, strict=True)], warnings
+    return kept, [replace(o, name=n) for n, o in zip(names, looks, strict=True)], warnings
 
 
-def _agreement(proposal: eye.Proposal, followed: ObservedObject | None) -> float | None:
-    """Usual overlap of a body that was followed as rigid with the regions in which something moves; None where it was
-    followed in less than half of these."""
-    shares = []
+def _is_rigid(proposal: eye.Proposal, track: eye.Track, followed: ObservedObject | None, width: int) -> bool:
+    """Whether a body was surely followed, and stays within a radius of where something moves, in most frames."""
+    if followed is None or float(np.median(followed.confidence[followed.area > 0])) < SURE:
+        return False
+    apart = []
     for region in proposal.regions:
-        stored = None if followed is None else followed.masks[region.frame]
-        if stored is not None:
-            own = stored.decode()
-            mask = region.enlarged(*own.shape)
-            shares.append(float((own & mask).sum() / (own | mask).sum()))
-    return float(np.median(shares)) if len(shares) > 0.5 * len(proposal.regions) else None
+        scale = width / region.picture[1]
+        middle, pose = (region.centre + 0.5) * scale - 0.5, track.poses[region.frame]
+        if np.isfinite(pose[0]):
+            apart.append(float(np.linalg.norm(track.centres[region.frame] - middle)) / track.body.radius(pose))
+    return len(apart) > 0.5 * len(proposal.regions) and float(np.median(apart)) < 1.0
 
 
 def _as_seen(

@@ -13,6 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from atw_mcp.perception.eye.bodies import Outline
 from atw_mcp.perception.eye.pixels import Bytes, Floats, features
 from atw_mcp.perception.eye.regions import Region, Still, find_regions, reduced
+from atw_mcp.perception.eye.rims import grown
 from atw_mcp.perception.eye.seeds import Seed, outline_body
 from atw_mcp.perception.eye.settings import EyeSettings
 from atw_mcp.perception.eye.standing import standing
@@ -25,15 +26,17 @@ UNLIKE_RIGID = 0.6  # factor of the probability of a body that is not rigid, or 
 class Proposal:
     """A body that may be meant.
 
-    seeds: its outline at the frame that shows it most clearly. confidence: probability that it is one rigid body. kind:
-    shadow, where it darkens the background and nothing more and moves as a body near it does; changing, where its area
-    or shape does not stay, as that of a hand, a person or a cloth. ask: whether an agent should be asked about it.
+    seeds: its outline at the frame that shows it most clearly. confidence: probability that it is one rigid body.
+    moves: probability that a body is there at all, whatever its area does. kind: shadow, where it darkens the
+    background and nothing more and moves as a body near it does; changing, where its area or shape does not stay, as
+    that of a hand, a person or a cloth. ask: whether an agent should be asked about it.
     frames: first and last. regions: of a body that moves, in reduced pixels.
     """
 
     body: Outline
     seeds: tuple[Seed, ...]
     confidence: float
+    moves: float
     kind: Kind
     ask: bool
     frames: tuple[int, int]
@@ -44,8 +47,8 @@ class Proposal:
         return np.asarray(np.asarray(self.seeds[0].value).mean(axis=0))
 
     def unlike_rigid(self) -> float:
-        """Confidence in it where it does not move as a rigid body."""
-        return UNLIKE_RIGID * self.confidence
+        """Probability of a body that was not surely followed as a rigid one."""
+        return self.confidence if self.kind == "changing" else UNLIKE_RIGID * self.moves
 
 
 @dataclass
@@ -87,12 +90,16 @@ def discover(
     lasting = [c for c in _linked(regions, settings) if len(c.regions) >= 3]
     chains = _stitched([c for c in lasting if not _several(c, lasting)], settings)
     moving = [c for c in chains if _moves(c, settings)]
-    found = [_proposal(f"body {n}", c, moving, factor, settings) for n, c in enumerate(moving, 1)]
+    found = [_proposal(f"body {n}", c, moving, frames, factor, settings) for n, c in enumerate(moving, 1)]
     found.sort(key=lambda p: -p.confidence)
     at_rest = [
         r for r in standing(small, still, settings) if not any(_is_of(r, c, small, still, settings) for c in moving)
     ]
-    return found + [_at_rest(f"body {n}", r, len(frames), factor) for n, r in enumerate(at_rest, len(found) + 1)]
+    sizes = [np.sqrt(c.area() / np.pi) for c in moving if not c.last.dark]
+    for n, r in enumerate(at_rest, len(found) + 1):
+        like = not sizes or any(abs(np.log(r.radius / size)) < np.log(settings.like_size) for size in sizes)
+        found.append(_at_rest(f"body {n}", r, frames, factor, 0.8 if like else 0.2, settings))
+    return found
 
 
 def _is_of(region: Region, chain: _Chain, frames: Bytes, still: Still, settings: EyeSettings) -> bool:
@@ -109,9 +116,12 @@ def _is_of(region: Region, chain: _Chain, frames: Bytes, still: Still, settings:
     return bool(sum(s.all(axis=1).mean() > 0.5 for s in shown) <= 0.5 * len(away))
 
 
-def _at_rest(name: str, region: Region, count: int, factor: float) -> Proposal:
-    seed = Seed(name, "outline", region.frame, _outline(region, factor))
-    return Proposal(replace(outline_body(name, seed), scales=True), (seed,), 0.8, "body", False, (0, count - 1))
+def _at_rest(
+    name: str, region: Region, frames: Bytes, factor: float, confidence: float, settings: EyeSettings
+) -> Proposal:
+    seed = Seed(name, "outline", region.frame, grown(frames[region.frame], _outline(region, factor), settings))
+    body, span = replace(outline_body(name, seed), scales=True), (0, len(frames) - 1)
+    return Proposal(body, (seed,), confidence, confidence, "body", False, span)
 
 
 def _linked(regions: list[list[Region]], settings: EyeSettings) -> list[_Chain]:
@@ -203,25 +213,32 @@ def _several(chain: _Chain, chains: list[_Chain]) -> bool:
 
 
 def _moves(chain: _Chain, settings: EyeSettings) -> bool:
-    """Whether a chain lasts and moves on from frame to frame: noise of outlines goes to and fro, blocks of coding jump
-    and stand."""
+    """Whether a chain lasts and moves on from frame to frame."""
     if len(chain.regions) <= settings.gap:
         return False
     places = np.array([r.centre for r in chain.regions])
     reach = float(np.linalg.norm(np.percentile(places, 95, axis=0) - np.percentile(places, 5, axis=0)))
+    return _persistence(chain) > settings.persistence and reach > max(0.5 * np.sqrt(chain.area() / np.pi), 3.0)
+
+
+def _persistence(chain: _Chain) -> float:
+    """Correlation of displacements of following frames: noise of outlines goes to and fro, blocks of coding jump and
+    stand."""
+    places = np.array([r.centre for r in chain.regions])
     steps = np.diff(places, axis=0) / np.diff([r.frame for r in chain.regions])[:, None]
     length = np.linalg.norm(steps, axis=1)
     steps *= np.minimum(1.0, np.percentile(length, 90) / np.maximum(length, 1e-9))[:, None]  # of those half hidden
-    persists = float((steps[1:] * steps[:-1]).sum() / max((steps**2).sum(), 1e-9))
-    return persists > settings.persistence and reach > max(0.5 * np.sqrt(chain.area() / np.pi), 3.0)
+    return float((steps[1:] * steps[:-1]).sum() / max((steps**2).sum(), 1e-9))
 
 
-def _proposal(name: str, chain: _Chain, others: list[_Chain], factor: float, settings: EyeSettings) -> Proposal:
+def _proposal(
+    name: str, chain: _Chain, others: list[_Chain], frames: Bytes, factor: float, settings: EyeSettings
+) -> Proposal:
     whole = [r for r in chain.regions if not r.border] or chain.regions
     usual = float(np.median([r.area for r in whole]))
     most = float(np.percentile([r.area for r in whole], 75))  # more often a part is missing than something is added
     clearest = max(whole, key=lambda r: r.solid * np.exp(-abs(np.log(r.area / most))) * min(0.5 + r.alone, 1.0))
-    seed = Seed(name, "outline", clearest.frame, _outline(clearest, factor))
+    seed = Seed(name, "outline", clearest.frame, grown(frames[clearest.frame], _outline(clearest, factor), settings))
     solid = float(np.median([r.solid for r in whole]))
     spread = float(np.median(np.abs(np.log([r.area / usual for r in whole]))))
     bordering = np.mean([r.border for r in chain.regions])
@@ -232,14 +249,18 @@ def _proposal(name: str, chain: _Chain, others: list[_Chain], factor: float, set
         kind = "changing"
     lasting = 1 - np.exp(-len(chain.regions) / (2 * (settings.gap + 1)))
     growing = settings.growing + np.sqrt(np.pi / usual)  # half a pixel along its edge
-    confidence = lasting * (1 - min(spread / (2 * growing), 0.5))
+    smooth = min(_persistence(chain) / (2 * settings.persistence), 1.0)
+    moves = lasting * smooth
+    confidence = moves * (1 - min(spread / (2 * growing), 0.5))
     if kind == "shadow":
         confidence *= 0.2
     elif kind == "changing" or chain.last.dark:
         confidence *= UNLIKE_RIGID
     span = (chain.regions[0].frame, chain.last.frame)
+    moves = confidence if chain.last.dark else moves
     body = replace(outline_body(name, seed), scales=True)  # it may come nearer
-    return Proposal(body, (seed,), float(confidence), kind, bool(confidence < 0.7), span, tuple(chain.regions))
+    regions = tuple(chain.regions)
+    return Proposal(body, (seed,), float(confidence), float(moves), kind, bool(confidence < 0.7), span, regions)
 
 
 def _follows(chain: _Chain, others: list[_Chain], settings: EyeSettings) -> bool:

@@ -74,9 +74,24 @@ def observe(
     for _ in range(settings.rounds):
         learn_shapes(scene, states, held)
         _learn(scene, held)
+        before = scene.poses.copy()
         states = refit(scene, held)
         states = reassign(scene, states, held)
+        if _settled(scene, before):
+            break
     return [_track(scene, i, found, held[i]) for i, found in enumerate(states)], scene
+
+
+def _settled(scene: Scene, before: Floats) -> bool:
+    """Whether each body is seen in the frames in which it was, and nine of ten poses moved by next to nothing."""
+    for body, old, new in zip(scene.bodies, before, scene.poses, strict=True):
+        seen = np.isfinite(new[:, 0])
+        if (seen != np.isfinite(old[:, 0])).any():
+            return False
+        moved = [np.linalg.norm(body.centre(p) - body.centre(q)) for p, q in zip(old[seen], new[seen], strict=True)]
+        if seen.any() and np.percentile(moved, 90) > scene.settings.settled:
+            return False
+    return True
 
 
 def _none(film: Film) -> NDArray[np.bool_]:
