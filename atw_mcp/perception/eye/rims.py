@@ -37,7 +37,8 @@ def grown(frame: Bytes, outline: Floats, settings: EyeSettings) -> Floats:
         return outline  # its colour shows all of it
     steep = _steepness(look)
     found = cv2.watershed(np.repeat(np.clip(steep, 0, 255).astype(np.uint8)[..., None], 3, axis=2), marks) == 1
-    whole = cv2.morphologyEx(found.astype(np.uint8), cv2.MORPH_OPEN, _disc(0.25 * radius))
+    opened = cv2.morphologyEx(found.astype(np.uint8), cv2.MORPH_OPEN, _disc(0.25 * radius))
+    whole = np.asarray(opened, dtype=np.uint8)
     contours, _ = cv2.findContours(whole, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if not contours or whole.sum() < settings.grown * inside.sum():
         return outline
