@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from atw_mcp.batch.manifest import Entry, ManifestCase, Question
+from atw_mcp.batch.manifest import ASKS, Entry, ManifestCase, Question
 from atw_mcp.batch.shards import CaseResult, keep_result, new_shard, shard_file
 from atw_mcp.calls.app import App
 from atw_mcp.calls.deferred import DeferredTool
@@ -139,12 +139,22 @@ def _asked(steps: Steps, entry: Entry, question: Question, result: CaseResult) -
     """Roll out, decide, record the answer; returns its row."""
     rolled = steps.call("Rollout", case=entry.id, **question.arguments("Rollout"))
     asked = steps.call("QueryWorld", rollout=rolled.evidence.rollout, **question.arguments("QueryWorld"))
-    row = _answer(asked)
-    evidence = [rolled.evidence.id, asked.evidence.id]
+    evidence, sure = [rolled.evidence.id, asked.evidence.id], None
+    if question.how_sure:
+        kind = ASKS[asked.data["aggregation"]]
+        stated = {"ask": kind, "predicate": question.arguments("QueryWorld")["predicate"]}
+        edits, interval = question.arguments("Rollout").get("edits"), asked.data["asked"]
+        stated |= ({} if edits is None else {"edits": edits}) | ({} if interval is None else {"interval": interval})
+        until = rolled.data["horizon"]["seconds"][1]
+        sure = steps.call("Ask", case=entry.id, questions=[stated], horizon_seconds=until).data["answers"][0]
+        evidence.append(sure["evidence"])
+    row = _answer(asked, sure)
     missing = {"missing": row["missing"]} if row["missing"] else {}
-    sure = {} if row["confidence"] is None else {"confidence": row["confidence"]}
+    confident = {} if row["confidence"] is None else {"confidence": row["confidence"]}
     said = {} if row["answer"] is None else {"answer": _in_words(row["answer"], row["unit"])}
-    finished = steps.call("Finish", case=entry.id, question=question.text, evidence=evidence, **said, **sure, **missing)
+    finished = steps.call(
+        "Finish", case=entry.id, question=question.text, evidence=evidence, **said, **confident, **missing
+    )
     return {
         "case": entry.id,
         "question": question.id,
@@ -156,23 +166,25 @@ def _asked(steps: Steps, entry: Entry, question: Question, result: CaseResult) -
     }
 
 
-def _answer(asked: Step) -> dict[str, Any]:
-    """Return what was found. With an ensemble it is what most of the probability says, not the best fit alone."""
-    data, about = asked.data, asked.data.get("ensemble") or {}
+def _answer(asked: Step, sure: dict[str, Any] | None) -> dict[str, Any]:
+    """Return what was found: of a statement what most of the probability says, where that is known, else the best fit.
+
+    sure: the answer over the worlds that the data allow.
+    """
+    data, about = asked.data, sure or {}
     probability = about.get("probability")
     best = data["value"] if data["decided"] and data["value"] is not None else None
     never = data["verdict"] == "never"
     answer = probability >= 0.5 if probability is not None else "never" if never else best
-    numbers = about.get("value") or {}
     units = {"first": "s", "last": "s", "count": "times", "fraction": "1"}
     return {
         "answer": answer,
         "unit": None if isinstance(answer, bool | str | None) else units[data["aggregation"]],
         "probability": probability,
-        "interval_90%": about.get("probability_interval") or numbers.get("interval_90%"),
+        "interval_80%": (about.get("value") or {}).get("80%"),
         "best_fit": "never" if never else best,
         "confidence": None if probability is None else max(probability, 1.0 - probability),
-        "missing": None if answer is not None else about.get("reason") or data["reason"] or "nothing decides it",
+        "missing": None if answer is not None else data["reason"] or "nothing decides it",
     }
 
 

@@ -31,6 +31,7 @@ Kind = Literal["video", "tracks", "described"]
 Identifier = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_\-]{0,63}$")]
 MODELLED_BY: dict[Kind, str] = {"video": "ModelVideo", "tracks": "BuildWorld", "described": "BuildWorld"}
 ASKED_BY = ("Rollout", "QueryWorld")
+ASKS = {"any": "whether", "first": "when", "count": "how_often"}  # what Ask calls an aggregation
 # Arguments that a batch gives itself, or that name results of earlier calls, of which a manifest knows none.
 OWN = {
     "ModelVideo": {"case", "video", "name", "patience_seconds"},
@@ -56,12 +57,18 @@ class ManifestError(Exception):
 
 
 class Question(BaseModel):
-    """One question of a case; the fields beside these are arguments of Rollout and QueryWorld."""
+    """One question of a case; the fields beside these are arguments of Rollout and QueryWorld.
+
+    how_sure: whether the worlds that the data allow are asked too, by Ask.
+    """
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
     id: Identifier = Field(description="names the question within its case")
     text: str = Field(min_length=1, max_length=4000, description="the question in words, recorded with its answer")
+    how_sure: bool = Field(
+        default=False, description="ask 64 worlds that the data allow too, by Ask: a probability, or an 80% interval"
+    )
 
     def arguments(self, tool: str) -> dict[str, Any]:
         """Return what it gives a tool."""
@@ -263,24 +270,26 @@ def _findings(entry: Entry) -> Iterator[str]:
         if question.id in names[:number]:
             yield f"{where}.id: question {names.index(question.id)} has the id {question.id!r} already"
         extra = question.model_extra or {}
-        fields = ["id", "text", *dict.fromkeys(key for tool in ASKED_BY for key in taken(tool))]
+        fields = [*Question.model_fields, *dict.fromkeys(key for tool in ASKED_BY for key in taken(tool))]
         yield from _unknown(where, extra, fields)
         if kind == "described":
-            yield from _without_data(where, extra)
+            yield from _without_data(where, question)
         yield from _refusal(where, "Rollout", question.arguments("Rollout"))
         if "predicate" not in extra:
             yield f"{where}.predicate: is required, for example {json.dumps(EXAMPLES['predicate'])}"
         else:
             yield from _refusal(where, "QueryWorld", {"rollout": "rollout-0", **question.arguments("QueryWorld")})
             yield from _forms(where, extra)
+        if question.how_sure and extra.get("aggregation", "any") not in ASKS:
+            yield f"{where}.how_sure: is known of the aggregations {', '.join(ASKS)}, not {extra['aggregation']!r}"
 
 
-def _without_data(where: str, given: Mapping[str, Any]) -> Iterator[str]:
+def _without_data(where: str, question: Question) -> Iterator[str]:
     """Yield what a question needs, or cannot have, where nothing was observed."""
-    if not {"horizon_seconds", "horizon_frames"} & given.keys():
+    if not {"horizon_seconds", "horizon_frames"} & (question.model_extra or {}).keys():
         yield f"{where}.horizon_seconds: is required, as no frames were observed whose length would be taken"
-    if "ensemble" in given:
-        yield f"{where}.ensemble: a described world is not fitted, so that there is no sample to ask"
+    if question.how_sure:
+        yield f"{where}.how_sure: a described world is not fitted, so that there is no sample to ask"
 
 
 def _fields(kind: Kind) -> list[str]:

@@ -60,7 +60,7 @@ def puck(folder: Path) -> dict[str, Any]:
                 "text": "Does it get beyond 0.45 m?",
                 "predicate": far,
                 "horizon_seconds": 1.5,
-                "ensemble": 10,
+                "how_sure": True,
             }
         ],
     }

@@ -53,8 +53,9 @@ def test_cases_keep_their_lines_places_and_paths(tmp_path: Path) -> None:
         (question(predicate={"predicate": "colides"}), ["questions.0.predicate", "did you mean 'collides'?"]),
         (question(edits=[{"action": "delete"}]), ["questions.0.edits.0: no action 'delete'", "remove, add, move"]),
         (question(), ["questions.0.horizon_seconds: is required"]),
-        (question(horizon_seconds=1, ensemble=40), ["questions.0.ensemble: a described world is not fitted"]),
-        (question(ensemble=2), ["questions.0: QueryWorld: ensemble"]),
+        (question(horizon_seconds=1, how_sure=True), ["questions.0.how_sure: a described world is not fitted"]),
+        (question(ensemble=2), ["questions.0.ensemble: no such field", "how_sure"]),
+        (question(how_sure=True, aggregation="all"), ["questions.0.how_sure: is known of", "any, first, count"]),
         (question(horizon=2), ["questions.0.horizon: no such field", "horizon_seconds"]),
     ],
 )
@@ -110,4 +111,4 @@ def test_check_says_it_on_stderr_and_the_schema_has_every_field(
     assert {"tracks", "read", "fit", "parts"} <= tracks - video | {"fit"}
     assert not {"video", "tracks", "fit", "case"} & described
     asked = schema["oneOf"][0]["properties"]["questions"]["items"]["properties"]
-    assert {"id", "text", "predicate", "edits", "horizon_seconds", "aggregation", "ensemble"} <= set(asked)
+    assert {"id", "text", "predicate", "edits", "horizon_seconds", "aggregation", "how_sure"} <= set(asked)
