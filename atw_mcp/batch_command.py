@@ -25,7 +25,7 @@ one case, a JSON object (`atw-mcp schema manifest`); paths are relative to the m
 
   {"id": "drop", "tracks": "drop.csv", "objects": [{"name": "ball", "shape": {"kind": "sphere", "radius": 0.1}}],
    "questions": [{"id": "lands", "text": "Does it land?", "predicate": {"predicate": "collides", "a": "ball"},
-                  "edits": [], "horizon_seconds": 2, "ensemble": 40}]}
+                  "edits": [], "horizon_seconds": 2, "how_sure": true}]}
 
 A case that is done is not run again: after an interruption the same command goes on. FOLDER gets answers.jsonl,
 failures.jsonl, times.jsonl, store.db with all evidence (`atw-mcp report CASE --store FOLDER/store.db`), and shards.
