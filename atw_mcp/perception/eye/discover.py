@@ -13,7 +13,6 @@ from scipy.optimize import linear_sum_assignment
 from atw_mcp.perception.eye.bodies import Outline
 from atw_mcp.perception.eye.pixels import Bytes, Floats, features
 from atw_mcp.perception.eye.regions import Region, Still, find_regions, reduced
-from atw_mcp.perception.eye.rims import grown
 from atw_mcp.perception.eye.seeds import Seed, outline_body
 from atw_mcp.perception.eye.settings import EyeSettings
 from atw_mcp.perception.eye.standing import standing
@@ -90,7 +89,7 @@ def discover(
     lasting = [c for c in _linked(regions, settings) if len(c.regions) >= 3]
     chains = _stitched([c for c in lasting if not _several(c, lasting)], settings)
     moving = [c for c in chains if _moves(c, settings)]
-    found = [_proposal(f"body {n}", c, moving, frames, factor, settings) for n, c in enumerate(moving, 1)]
+    found = [_proposal(f"body {n}", c, moving, factor, settings) for n, c in enumerate(moving, 1)]
     found.sort(key=lambda p: -p.confidence)
     at_rest = [
         r for r in standing(small, still, settings) if not any(_is_of(r, c, small, still, settings) for c in moving)
@@ -98,7 +97,7 @@ def discover(
     sizes = [np.sqrt(c.area() / np.pi) for c in moving if not c.last.dark]
     for n, r in enumerate(at_rest, len(found) + 1):
         like = not sizes or any(abs(np.log(r.radius / size)) < np.log(settings.like_size) for size in sizes)
-        found.append(_at_rest(f"body {n}", r, frames, factor, 0.8 if like else 0.2, settings))
+        found.append(_at_rest(f"body {n}", r, len(frames), factor, 0.8 if like else 0.2))
     return found
 
 
@@ -116,11 +115,9 @@ def _is_of(region: Region, chain: _Chain, frames: Bytes, still: Still, settings:
     return bool(sum(s.all(axis=1).mean() > 0.5 for s in shown) <= 0.5 * len(away))
 
 
-def _at_rest(
-    name: str, region: Region, frames: Bytes, factor: float, confidence: float, settings: EyeSettings
-) -> Proposal:
-    seed = Seed(name, "outline", region.frame, grown(frames[region.frame], _outline(region, factor), settings))
-    body, span = replace(outline_body(name, seed), scales=True), (0, len(frames) - 1)
+def _at_rest(name: str, region: Region, count: int, factor: float, confidence: float) -> Proposal:
+    seed = Seed(name, "outline", region.frame, _outline(region, factor))
+    body, span = replace(outline_body(name, seed), scales=True), (0, count - 1)
     return Proposal(body, (seed,), confidence, confidence, "body", False, span)
 
 
@@ -231,14 +228,12 @@ def _persistence(chain: _Chain) -> float:
     return float((steps[1:] * steps[:-1]).sum() / max((steps**2).sum(), 1e-9))
 
 
-def _proposal(
-    name: str, chain: _Chain, others: list[_Chain], frames: Bytes, factor: float, settings: EyeSettings
-) -> Proposal:
+def _proposal(name: str, chain: _Chain, others: list[_Chain], factor: float, settings: EyeSettings) -> Proposal:
     whole = [r for r in chain.regions if not r.border] or chain.regions
     usual = float(np.median([r.area for r in whole]))
     most = float(np.percentile([r.area for r in whole], 75))  # more often a part is missing than something is added
     clearest = max(whole, key=lambda r: r.solid * np.exp(-abs(np.log(r.area / most))) * min(0.5 + r.alone, 1.0))
-    seed = Seed(name, "outline", clearest.frame, grown(frames[clearest.frame], _outline(clearest, factor), settings))
+    seed = Seed(name, "outline", clearest.frame, _outline(clearest, factor))
     solid = float(np.median([r.solid for r in whole]))
     spread = float(np.median(np.abs(np.log([r.area / usual for r in whole]))))
     bordering = np.mean([r.border for r in chain.regions])

@@ -94,12 +94,6 @@ class EyeSettings:
     shadow_reach: float = 10.0  # [radii] from a body to its shadow: low light, a high throw
     surroundings: float = 0.4  # of the picture's smaller side, over which a body at rest is rare: twice its diameter
     largest_standing: float = 0.05  # of the picture: what is larger is taken for ground or furniture
-    grown_reach: float = 1.2  # [radii] around a region to which a body of which it is a part may reach
-    grown: float = 1.5  # times a region's area from which its outline is taken to be a part: less is the blur of edges
-    own_hue: float = 0.1  # [feature] of chroma from the ground's from which a colour shows all of a body
-    as_steep: float = (
-        0.7  # times the gradient along it that the grown outline has at least: less is the ground's texture
-    )
     like_size: float = 5.0  # times larger or smaller than all that moves: a mark or furniture, if at rest
     sharp_edge: float = 0.15  # [feature] across the outline of a body at rest: pools of light and vignettes are softer
     pattern: int = 6  # like regions at rest: more are tiles of the ground
