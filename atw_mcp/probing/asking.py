@@ -186,7 +186,7 @@ def _at(times: Array, values: Array, time: float) -> Array:
     return np.array([np.interp(time, times, values[:, axis]) for axis in range(values.shape[1])])
 
 
-def in_words(about: dict[str, Any], named: list[str], unseen: set[str]) -> str:
+def in_words(about: dict[str, Any], named: list[str], unseen: set[str], until: float) -> str:
     if "reason" in about:
         return f"unknown: {about['reason']}"
     if "probability" in about:
@@ -200,9 +200,9 @@ def in_words(about: dict[str, Any], named: list[str], unseen: set[str]) -> str:
         text = ", ".join(f"{axis} {_spread(about['place'][axis])}" for axis in "xyz") + " m, with 80% intervals"
     elif "value" in about:
         text = f"{_spread(about['value'])} {about['unit']}, with its 80% interval"
-        text += f", never with probability {about['never']:.2g}" if about.get("never") else ""
+        text += f", not until {until:.4g} s with probability {about['never']:.2g}" if about.get("never") else ""
     else:
-        text = "never, in any member"
+        text = f"not until {until:.4g} s, in any member"
     if about["unknown"]:
         text += f"; unknown in {about['unknown']} of {about['members'] + about['unknown']} members"
     if about.get("less_sure_because"):

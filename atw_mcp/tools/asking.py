@@ -223,7 +223,7 @@ def _answer(
     late = asked.enters(plan.worlds[0])
     since = "" if late is None else f"; from {late[1]:.4g} s on, when {late[0]} enters"
     row |= {
-        "answer": in_words(about, named, unseen) + since,
+        "answer": in_words(about, named, unseen, asked.latest or best.horizon) + since,
         "rollout": rollout,
         "edits": list(plan.edits) or None,
         **about,

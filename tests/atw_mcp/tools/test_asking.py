@@ -180,6 +180,12 @@ def test_candidate_worlds_weigh_by_what_they_predicted(tmp_path: Path) -> None:
         assert session("Ask", case="slide", questions=[question])["source"]["world"] == world
 
 
+def test_what_does_not_happen_is_said_of_the_time_that_was_run_alone(session: Session) -> None:
+    never = {"predicate": "collides", "a": "red", "b": "green"}  # which rests 2 m aside
+    (answer,) = asked(session, {"ask": "when", "predicate": never}, horizon_seconds=1.5)
+    assert answer["answer"].startswith("not until 1.5 s, in any member")
+
+
 def test_a_list_of_numbers_in_an_edit_is_answered_for_each(session: Session) -> None:
     """From v the block stops after v^2 / (2 mu g)."""
     alone = {"action": "remove", "object": "blue"}
