@@ -39,11 +39,11 @@ def observe(
 ) -> ImageObservation:
     """Find the objects of a video from a fixed camera and follow them.
 
-    Objects at rest are found by colours that occur nowhere else. min_area [px] is the smallest region taken for an
-    object (default: 0.02% of the image, at least 24). `expected` are descriptions such as "blue metal sphere": objects
-    that fit one get it as their name, and those not found are named in the warnings. `progress(share, what)` is called
-    as work goes on; when `cancelled()` is true PerceptionCancelled is raised. Raises VideoError for a file that cannot
-    be read and ObservationError for arguments out of range. Equal inputs give equal observations.
+    Objects at rest are found where they differ from what lies widely around them. min_area [px] is the smallest region
+    taken for an object (default: 0.02% of the image, at least 24). `expected` are descriptions such as "blue metal
+    sphere": objects that fit one get it as their name, and those not found are named in the warnings. `progress(share,
+    what)` is called as work goes on; when `cancelled()` is true PerceptionCancelled is raised. Raises VideoError for a
+    file that cannot be read and ObservationError for arguments out of range. Equal inputs give equal observations.
     """
     if not 1 <= max_objects <= 200:
         raise ObservationError(f"max_objects must lie in 1..200, got {max_objects}")
@@ -148,11 +148,12 @@ def _objects(
         if p.body.name in tracks:
             warnings += doubts(clip, name, tracks[p.body.name], seen.confidence)
         if p in unlike or p.ask:
-            why = (
-                "its area or shape changes: it may be deformable, several bodies, or a part of one"
-                if p in unlike
-                else "it only darkens the ground, and may be a shadow, or it is seen briefly"
-            )
+            if p in unlike:
+                why = "its area or shape changes: it may be deformable, several bodies, or a part of one"
+            elif p.kind == "changing":
+                why = "what moves there changes in area: its outline may be of a part, or of more than it"
+            else:
+                why = "it only darkens the ground, and may be a shadow, or it is seen briefly"
             warnings.append(f"{name} is doubtful: {why}. Look at it, then outline, drop or merge it")
     return kept, [replace(o, name=n) for n, o in zip(names, looks, strict=True)], warnings
 
