@@ -24,7 +24,7 @@ from polyworld.core.warp_settings import without_driver_warning
 
 Shape = int | tuple[int, ...]
 LOCK = CaptureLock()
-THREADS_PER_BLOCK = 256  # Warp's default on CUDA
+THREADS_PER_BLOCK = 64  # on CUDA: a world takes 255 registers, and blocks of 256 such threads leave the last wave idle
 VARIABLE = "POLYWORLD_DEVICE"  # of the environment: the device to begin with
 with without_driver_warning() if os.environ.get(VARIABLE, "cpu") == "cpu" else nullcontext():
     _chosen: Any = wp.get_device("cpu")  # starts Warp
@@ -96,6 +96,14 @@ def zeros(shape: Shape, dtype: Any) -> Any:
         return wp.zeros(shape, dtype=dtype, device=device())
 
 
+def per_world(shape: tuple[int, ...], dtype: Any) -> Any:
+    """Return zeros (W, ...), one row a world: each world's values side by side on a CPU, whose threads take one world
+    after the other; elsewhere all worlds' values of one element, which neighbouring threads read at the same time."""
+    if threads_serve():
+        return zeros(shape, dtype)
+    return zeros((*shape[1:], shape[0]), dtype).transpose((len(shape) - 1, *range(len(shape) - 1)))
+
+
 def full(shape: Shape, value: Any, dtype: Any) -> Any:
     """Return an array that holds `value` everywhere."""
     with LOCK.shared():
@@ -111,7 +119,7 @@ def empty(shape: Shape, dtype: Any) -> Any:
 def launch(kernel: Any, dim: Any, inputs: list[Any]) -> None:
     """Launch a kernel over `dim` threads."""
     with LOCK.shared():
-        wp.launch(kernel, dim=dim, inputs=inputs, device=device())
+        wp.launch(kernel, dim=dim, inputs=inputs, device=device(), block_dim=THREADS_PER_BLOCK)
 
 
 def clear(values: Any) -> None:

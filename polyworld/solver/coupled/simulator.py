@@ -55,7 +55,7 @@ class CoupledSimulator:
         self._table = time_table(world, self.sample_times)
         self._model = model
         self._meshes = self._model.meshes
-        with buffers.on_cpu():  # liquids crashed on a GPU (illegal memory access)
+        with buffers.on_cpu():  # sums of many threads at once would not repeat to the bit
             count = min(n_worlds, threads or available_cores()) if buffers.threads_serve() else 1
             edges = np.linspace(0, n_worlds, count + 1).astype(int)
             self._spans = [slice(int(a), int(b)) for a, b in itertools.pairwise(edges)]

@@ -81,7 +81,7 @@ class Run:
         for _ in range(round(duration / self.step)):
             if self.world.objects and not held:
                 self._move_bodies()
-            self.clock.time.numpy()[:] = self.time
+            buffers.write(self.clock.time, self.time)
             buffers.replay(captured.graph)
             self.time += self.step
             yield self.time
@@ -97,21 +97,19 @@ class Run:
         return x[world, there], v[world, there]
 
     def _move_bodies(self) -> None:
-        b = self.bodies.numpy()
+        b = buffers.read(self.bodies).copy()
         b["v"] += self.step * self.gravity
         b["x"] += self.step * b["v"]
         for w, i in np.ndindex(b.shape):
             turned = Rotation.from_rotvec(self.step * b["w"][w, i]) * Rotation.from_matrix(b["rotation"][w, i])
             b["rotation"][w, i], b["q"][w, i] = turned.as_matrix(), turned.as_quat()
+        buffers.write(self.bodies, b)
 
 
 def _clock(step: float, n_worlds: int, gravity: Array) -> Clock:
-    def seconds(value: float) -> Any:
-        return wp.array(np.full(n_worlds, value), dtype=wp.float64, device="cpu")
-
     clock = Clock()
-    clock.time, clock.h = seconds(0.0), seconds(step)
-    clock.gravity = wp.array([gravity], dtype=wp.vec3d, device="cpu")
+    clock.time, clock.h = (buffers.full((n_worlds,), value, wp.float64) for value in (0.0, step))
+    clock.gravity = buffers.array([gravity], wp.vec3d)
     return clock
 
 
@@ -135,4 +133,4 @@ def _bodies(world: World, n_worlds: int) -> Any:
         }
         for name, value in values.items():
             rows[name][:, i] = value
-    return wp.array(rows, dtype=Body, device="cpu")
+    return buffers.array(rows, Body)
