@@ -43,7 +43,7 @@ def test_no_word_of_the_old_dialect_is_left(words: str) -> None:
     pattern = re.compile(rf"(?<![a-z])(?:{words})(?![a-z])", re.IGNORECASE)
     found = [
         f"{path.relative_to(ROOT)}:{number}: {line.strip()[:100]}"
-        for path in [*SOURCES, ROOT / "README.md"]
+        for path in [*SOURCES, ROOT / "README.md", *(ROOT / ".docs" / "pages").glob("*.md")]
         if pattern.search(text(path))
         for number, line in enumerate(text(path).splitlines(), start=1)
         if pattern.search(line)

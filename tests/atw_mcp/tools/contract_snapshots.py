@@ -1,4 +1,4 @@
-"""One JSON file a tool under `contracts/`: its full declaration. Regenerated, as are manifest and README table, by
+"""One JSON file a tool under `contracts/`: its full declaration. Regenerated, as are manifest and page of the tools, by
 
     uv run python -m tests.atw_mcp.tools.contract_snapshots
 
@@ -17,7 +17,7 @@ from mcp_types import Tool
 
 from atw_mcp.server import build_server
 from atw_mcp.tools import manifest
-from tests.atw_mcp.tools import readme_table
+from tests.atw_mcp.tools import tools_page
 
 FOLDER = Path(__file__).parent / "contracts"
 
@@ -33,9 +33,9 @@ def full_contracts() -> dict[str, dict[str, Any]]:
 
 
 def write() -> None:
-    """Replace the manifest of the tools, their table in the README, and every snapshot."""
+    """Replace the manifest of the tools, their page, and every snapshot."""
     manifest.write()
-    readme_table.write()
+    tools_page.write()
     FOLDER.mkdir(exist_ok=True)
     for old in FOLDER.glob("*.json"):
         old.unlink()

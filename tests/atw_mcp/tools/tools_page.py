@@ -1,4 +1,4 @@
-"""The table of tools in the README, between two marker comments; regenerated with the contract snapshots."""
+"""The table of tools in `.docs/pages/tools.md`, between two marker comments; regenerated with the snapshots."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from atw_mcp.tools import manifest
 
-README = Path(__file__).parents[3] / "README.md"
+PAGE = Path(__file__).parents[3] / ".docs" / "pages" / "tools.md"
 BEGIN, END = "<!-- tools: generated from the manifest -->", "<!-- end of the tools -->"
 STAGES = {
     "world construction": "World Modeling",
@@ -31,10 +31,10 @@ def with_table(text: str) -> str:
     before, begin, rest = text.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not (begin and end):
-        raise ValueError(f"the README has no lines {BEGIN} and {END}")
+        raise ValueError(f"the page of the tools has no lines {BEGIN} and {END}")
     return f"{before}{BEGIN}\n{table()}\n{END}{after}"
 
 
 def write() -> None:
-    """Replace the table in the README."""
-    README.write_text(with_table(README.read_text(encoding="utf-8")), encoding="utf-8")
+    """Replace the table in the page."""
+    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
