@@ -16,7 +16,7 @@ def test_examples_of_python_run_and_say_what_is_so(tmp_path: Path, monkeypatch: 
     pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
-    assert len(blocks) == 5
+    assert len(blocks) == 6
     names: dict[str, Any] = {}
     for block in blocks:
         exec(block, names)
@@ -32,3 +32,6 @@ def test_examples_of_python_run_and_say_what_is_so(tmp_path: Path, monkeypatch: 
     x, _, z = names["state"].positions[1]
     assert 0.4 < np.arctan2(-x, 2 - z) < 0.5
     assert [o.name for o in names["found"].world.objects] == ["ball", "rod"]
+    # Made with a drag coefficient of 0.5, and 1 mm of noise.
+    assert names["gap"].names == ("quadratic_drag",)
+    assert names["drag"] == pytest.approx(0.5 * 0.5 * 1.2 * np.pi * 0.02**2, rel=0.02)

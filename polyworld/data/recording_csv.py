@@ -57,9 +57,10 @@ class Reading:
 
 
 def read_recording(
-    path: Path, objects: Sequence[str] = (), *, form: RecordingForm = _PLAIN, world: World | None = None
+    path: str | Path, objects: Sequence[str] = (), *, form: RecordingForm = _PLAIN, world: World | None = None
 ) -> Recording:
     """Return the recording in a file; see `parse_recording`. Raises ValueError that names file and line."""
+    path = Path(path)
     try:
         return parse_recording(file_text(path), objects, form=form, world=world)
     except ValueError as error:
