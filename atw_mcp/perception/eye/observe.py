@@ -73,7 +73,7 @@ def observe(
     states = follow(scene, held)
     for _ in range(settings.rounds):
         learn_shapes(scene, states, held)
-        _learn(scene, held)
+        _learn(scene, held, states)
         before = scene.poses.copy()
         states = refit(scene, held)
         states = reassign(scene, states, held)
@@ -241,13 +241,15 @@ def _tried(
     return total, found
 
 
-def _learn(scene: Scene, held: list[dict[int, Floats]]) -> None:
-    """Learn background, colours and shade from all poses."""
+def _learn(scene: Scene, held: list[dict[int, Floats]], states: list[States]) -> None:
+    """Learn background and shade from all poses, colours from those that are not doubted: what is found after a body has
+    left is another thing."""
     scene.background = learn_background(scene.film, scene.covered(3.0) | _at_seeds(scene, held))
     count = scene.film.count
     frames = sorted(set(np.linspace(0, count - 1, min(count, scene.settings.background_frames)).astype(int).tolist()))
     for i in range(len(scene.bodies)):
-        own = [k for k in range(count) if np.isfinite(scene.poses[i, k, 0])]
+        least = scene.settings.weak * scene.usual[i]
+        own = sorted(k for k, state in states[i].items() if state.contrast > least or k in held[i])
         scene.learn_body(i, own[:: max(1, len(own) // 24)])
     scene.learn_shades(frames)
     order_outlines(scene)
