@@ -82,7 +82,7 @@ async def follow(name: str, pictures: Path | None) -> tuple[dict[str, Floats], l
             call = Caller(client)
             opened = await call("OpenCase", video=str(file))
             case, began = opened["case"], time.perf_counter()
-            found = await call("ObserveObjects", case=case)
+            found = await call("ObserveObjects", case=case, max_objects=1)  # corrections need an observation
             given = [{"kind": "add", "object": f"my_{b.name}", "frame": b.frame, **b.shape} for b in bodies]
             drops = [{"kind": "drop", "object": o["name"]} for o in found["data"]["objects"]]
             seen = await call("ObserveObjects", case=case, corrections=[*drops, *given])

@@ -242,8 +242,10 @@ def _tried(
 
 
 def _learn(scene: Scene, held: list[dict[int, Floats]], states: list[States]) -> None:
-    """Learn background and shade from all poses, colours from those that are not doubted: what is found after a body has
-    left is another thing."""
+    """Learn background and shade from all poses, colours from those that are not doubted.
+
+    What is found after a body has left is another thing.
+    """
     scene.background = learn_background(scene.film, scene.covered(3.0) | _at_seeds(scene, held))
     count = scene.film.count
     frames = sorted(set(np.linspace(0, count - 1, min(count, scene.settings.background_frames)).astype(int).tolist()))
