@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import chain, islice
 from pathlib import Path
 
 import av
@@ -29,6 +30,8 @@ Frames = NDArray[np.uint8]
 
 NAMES = "MP4 or MOV, Matroska or WebM, AVI, MPEG, FLV, Ogg, ASF, GIF, APNG, MJPEG, Y4M or IVF"
 PICTURES = (".bmp", ".jpeg", ".jpg", ".png", ".tif", ".tiff", ".webp")  # what OpenCV reads
+LOOKED_AT = 60  # frames by whose content a film is taken for interlaced: some hold motion
+COMBED = 0.25  # share of these: of progressive films the filter's first decisions mark up to four
 _HEAD = 4 * 188 + 1  # bytes: four packets of a transport stream
 _STARTS = (
     b"\x1a\x45\xdf\xa3",  # Matroska, WebM
@@ -83,9 +86,10 @@ def decode(path: Path) -> Iterator[tuple[float | None, Frames]]:
                 raise VideoError(f"{file} is not a picture this can decode")
             yield float(number - min(numbers)), np.asarray(picture, dtype=np.uint8)
         return
+    combed = _combed(path)
     with _opened(path) as (container, stream):
         ratio = stream.sample_aspect_ratio or Fraction(1)
-        for frame in _progressive(_decoded(container, stream)):
+        for frame in _progressive(_decoded(container, stream), combed):
             interruption.check()  # a long film takes many seconds
             yield frame.time, _upright(frame, ratio)
 
@@ -156,20 +160,36 @@ def _decoded(container: InputContainer, stream: VideoStream) -> Iterator[VideoFr
         return  # cut short: the frames that there are have been given
 
 
-def _progressive(frames: Iterator[VideoFrame]) -> Iterator[VideoFrame]:
-    """Deinterlace frames that are marked as interlaced, one for each; the others pass as they are."""
+def _combed(path: Path) -> bool:
+    """Whether many of a film's first frames hold two fields by their content (FFmpeg's idet), whatever they are marked.
+
+    A film that was coded again without deinterlacing is not marked, and shows moving bodies twice, in combs.
+    """
+    with _opened(path) as (container, stream):
+        frames = list(_through(islice(_decoded(container, stream), LOOKED_AT), "idet"))
+    return sum(f.interlaced_frame for f in frames) > COMBED * len(frames)
+
+
+def _progressive(frames: Iterator[VideoFrame], combed: bool) -> Iterator[VideoFrame]:
+    """Deinterlace frames that are marked as interlaced, or all, one for each; the others pass as they are."""
+    for frame in frames:
+        if combed or frame.interlaced_frame:
+            which = "all" if combed else "interlaced"
+            yield from _through(chain([frame], frames), "bwdif", f"mode=send_frame:parity=auto:deint={which}")
+        else:
+            yield frame
+
+
+def _through(frames: Iterator[VideoFrame], name: str, arguments: str | None = None) -> Iterator[VideoFrame]:
+    """Pass frames through one of FFmpeg's filters."""
     graph: Graph | None = None
     for frame in frames:
-        if graph is None and not frame.interlaced_frame:
-            yield frame
-            continue
         if graph is None:
             graph = Graph()
             source = graph.add_buffer(
                 width=frame.width, height=frame.height, format=frame.format, time_base=frame.time_base
             )
-            bwdif = graph.add("bwdif", "mode=send_frame:parity=auto:deint=interlaced")
-            graph.link_nodes(source, bwdif, graph.add("buffersink")).configure()
+            graph.link_nodes(source, graph.add(name, arguments), graph.add("buffersink")).configure()
         graph.vpush(frame)
         yield from _filtered(graph)
     if graph is not None:

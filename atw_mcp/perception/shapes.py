@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from atw_mcp.perception.masks import Mask
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
-from atw_mcp.perception.skeleton import CentrelineInImage, centreline
+from atw_mcp.perception.skeleton import centreline
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
 from polyworld.data.shape_series import ShapeSeries
 from polyworld.probing.readouts import Centreline, Curve, ImageOccupancy, Outline
@@ -241,9 +241,3 @@ def _filled_share(mask: Mask) -> float:
     hull = cv2.convexHull(np.stack([u, v], axis=1).astype(np.int32))
     area = float(cv2.contourArea(hull)) + 0.5 * float(cv2.arcLength(hull, True)) + 1.0  # pixels are squares
     return min(len(u) / area, 1.0)
-
-
-def line_of(observation: ImageObservation, name: str, frame: int) -> CentrelineInImage | None:
-    """Return the centreline of an object at one frame; None where it is not seen."""
-    mask = observation.mask(name, frame)
-    return centreline(mask) if mask.any() else None

@@ -73,7 +73,7 @@ def observe(
     states = follow(scene, held)
     for _ in range(settings.rounds):
         learn_shapes(scene, states, held)
-        _learn(scene, held)
+        _learn(scene, held, states)
         before = scene.poses.copy()
         states = refit(scene, held)
         states = reassign(scene, states, held)
@@ -241,16 +241,49 @@ def _tried(
     return total, found
 
 
-def _learn(scene: Scene, held: list[dict[int, Floats]]) -> None:
-    """Learn background, colours and shade from all poses."""
+def _learn(scene: Scene, held: list[dict[int, Floats]], states: list[States]) -> None:
+    """Learn background and shade from all poses, colours from those that are not doubted.
+
+    What is found after a body has left is another thing.
+    """
     scene.background = learn_background(scene.film, scene.covered(3.0) | _at_seeds(scene, held))
     count = scene.film.count
     frames = sorted(set(np.linspace(0, count - 1, min(count, scene.settings.background_frames)).astype(int).tolist()))
     for i in range(len(scene.bodies)):
-        own = [k for k in range(count) if np.isfinite(scene.poses[i, k, 0])]
+        least = scene.settings.weak * scene.usual[i]
+        own = sorted(k for k, state in states[i].items() if state.contrast > least or k in held[i])
         scene.learn_body(i, own[:: max(1, len(own) // 24)])
     scene.learn_shades(frames)
     order_outlines(scene)
+
+
+def _streak(scene: Scene, body: int, frame: int, states: States) -> float:
+    """Error [px] of the centre along a streak that a fast body leaves while the shutter is open: half of by how much it
+    is longer on one side of the silhouette.
+
+    Its ends, a frame's displacement away at the most, are where the sum of log odds along the motion is largest, that
+    pixels show what the body's middle does rather than the background: its rim may look like its shadow.
+    """
+    s, shape, pose = scene.settings, scene.bodies[body], states[frame].fit.pose
+    centre, radius = shape.centre(pose), shape.radius(pose)
+    near = [shape.centre(states[m].fit.pose) - centre for m in (frame - 1, frame + 1) if m in states]
+    moved = max(near, key=lambda v: float(np.linalg.norm(v)), default=np.zeros(2))
+    length = float(np.linalg.norm(moved))
+    if length < radius:
+        return 0.0
+    along = moved / length
+    across = np.array([-along[1], along[0]]) * radius
+    reach = radius + np.arange(0.5, length, 1.0)
+    middle = np.repeat([centre + share * across for share in (-0.4, 0.0, 0.4)], len(reach), axis=0)
+    ends = []
+    for sign in (1.0, -1.0):
+        points = middle + sign * np.tile(reach, 3)[:, None] * along
+        values, free = scene.film.at(frame, points), scene.film.inside(points)
+        behind = scene.log_background(frame, points, values, (body, pose))
+        odds = np.clip(scene.log_body(body, values, middle, pose) - behind, -s.decided, s.decided)
+        summed = np.cumsum(np.where(free, odds, 0.0).reshape(3, -1).mean(axis=0))
+        ends.append(float(np.argmax(np.append(0.0, summed))))
+    return abs(ends[0] - ends[1]) / 2
 
 
 def _track(scene: Scene, body: int, states: States, seeds: dict[int, Floats]) -> Track:
@@ -262,7 +295,8 @@ def _track(scene: Scene, body: int, states: States, seeds: dict[int, Floats]) ->
     for k, state in states.items():
         poses[k], centres[k] = state.fit.pose, shape.centre(state.fit.pose)
         covariances[k] = state.fit.covariance
-        errors[k] = centre_error(scene, body, state.fit)
+        streak = 0.0 if k in seeds else _streak(scene, body, k, states)
+        errors[k] = np.hypot(centre_error(scene, body, state.fit), streak)
         size = shape.radius(state.fit.pose)
         seen = (1 - np.exp(-max(state.contrast, 0.0) / s.present)) * min(
             1.0, state.fit.decided / max(s.weak * usual, 1e-9)
@@ -279,15 +313,17 @@ def _continuity(
 ) -> tuple[tuple[int, ...], NDArray[np.bool_]]:
     """Frames at which a body jumps, and whether each frame (T,) is tied to a seed by motion without jumps or gaps.
 
-    A jump differs by more than `jump` radii from rest and from the displacements before and after it.
+    A jump is longer by more than `jump` radii than the displacements before and after it, and those of the fastest
+    tenth of the clip, let expect, in any direction: bodies rebound.
     """
     s, seen = scene.settings, np.flatnonzero(np.isfinite(centres[:, 0]))
     moved = np.diff(centres[seen], axis=0) / np.maximum(np.diff(seen), 1)[:, None]
+    lengths = np.linalg.norm(moved, axis=1)
+    usual = float(np.percentile(lengths, 90)) if len(lengths) > s.gap else 0.0
     breaks, piece = [], np.zeros(len(seen), int)
-    for m, step in enumerate(moved):
-        around = [np.zeros(2), *moved[max(m - 1, 0) : m], *moved[m + 1 : m + 2]]
-        beyond = min(float(np.linalg.norm(step - v) - (s.faster - 1) * np.linalg.norm(v)) for v in around)
-        jumped = beyond > s.jump * shape.radius(poses[seen[m + 1]])
+    for m, length in enumerate(lengths):
+        around = max(usual, *lengths[max(m - 1, 0) : m], *lengths[m + 1 : m + 2])
+        jumped = length - s.faster * around > s.jump * shape.radius(poses[seen[m + 1]])
         if jumped:
             breaks.append(int(seen[m + 1]))
         piece[m + 1] = piece[m] + (jumped or seen[m + 1] - seen[m] > s.gap)

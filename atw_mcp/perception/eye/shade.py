@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from atw_mcp.perception.eye.pixels import Array, Floats, Mask, diffused, sampled
 from atw_mcp.perception.eye.settings import EyeSettings
@@ -60,6 +59,3 @@ def shade_places(settings: EyeSettings) -> Floats:
     line = (np.arange(cells) + 0.5) / cells * 2 * reach - reach
     across, down = np.meshgrid(line, line)
     return np.stack([across.ravel(), down.ravel()], axis=1)
-
-
-NO_SHADE: NDArray[np.float32] = np.zeros((1, 2), np.float32)

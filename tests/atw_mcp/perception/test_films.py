@@ -83,7 +83,8 @@ def test_stamps_rounded_to_milliseconds_are_a_constant_rate(tmp_path: Path) -> N
     assert info.frames_per_second == pytest.approx(30.0, rel=1e-3)
 
 
-def test_fields_of_an_interlaced_film_are_taken_apart(tmp_path: Path) -> None:
+@pytest.mark.parametrize("marked", [True, False])
+def test_fields_of_an_interlaced_film_are_taken_apart(tmp_path: Path, marked: bool) -> None:
     """Each frame holds the lines of two instants; a comb of both would be SPEED / 60 = 6 px wider than the disc."""
     fast = 4.0  # times SPEED
 
@@ -97,11 +98,11 @@ def test_fields_of_an_interlaced_film_are_taken_apart(tmp_path: Path) -> None:
         map(woven, range(9)),
         [round(1000 * k / 30) for k in range(9)],
         codec="mpeg2video",
-        options={"flags": "+ildct+ilme"},
+        options={"flags": "+ildct+ilme"} if marked else {},
         time_base=Fraction(1, 30),
     )
     with av.open(str(film)) as container:
-        assert all(frame.interlaced_frame for frame in container.decode(video=0))
+        assert all(frame.interlaced_frame == marked for frame in container.decode(video=0))
     info, frames = load(film)
     seen = places(frames)
     assert len(frames) == 9
