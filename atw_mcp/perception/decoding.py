@@ -86,10 +86,10 @@ def decode(path: Path) -> Iterator[tuple[float | None, Frames]]:
                 raise VideoError(f"{file} is not a picture this can decode")
             yield float(number - min(numbers)), np.asarray(picture, dtype=np.uint8)
         return
-    combed = _combed(path)
+    two_fields = combed(path)
     with _opened(path) as (container, stream):
         ratio = stream.sample_aspect_ratio or Fraction(1)
-        for frame in _progressive(_decoded(container, stream), combed):
+        for frame in _progressive(_decoded(container, stream), two_fields):
             interruption.check()  # a long film takes many seconds
             yield frame.time, _upright(frame, ratio)
 
@@ -160,7 +160,7 @@ def _decoded(container: InputContainer, stream: VideoStream) -> Iterator[VideoFr
         return  # cut short: the frames that there are have been given
 
 
-def _combed(path: Path) -> bool:
+def combed(path: Path) -> bool:
     """Whether many of a film's first frames hold two fields by their content (FFmpeg's idet), whatever they are marked.
 
     A film that was coded again without deinterlacing is not marked, and shows moving bodies twice, in combs.
@@ -170,11 +170,11 @@ def _combed(path: Path) -> bool:
     return sum(f.interlaced_frame for f in frames) > COMBED * len(frames)
 
 
-def _progressive(frames: Iterator[VideoFrame], combed: bool) -> Iterator[VideoFrame]:
+def _progressive(frames: Iterator[VideoFrame], two_fields: bool) -> Iterator[VideoFrame]:
     """Deinterlace frames that are marked as interlaced, or all, one for each; the others pass as they are."""
     for frame in frames:
-        if combed or frame.interlaced_frame:
-            which = "all" if combed else "interlaced"
+        if two_fields or frame.interlaced_frame:
+            which = "all" if two_fields else "interlaced"
             yield from _through(chain([frame], frames), "bwdif", f"mode=send_frame:parity=auto:deint={which}")
         else:
             yield frame

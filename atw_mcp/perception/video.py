@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.perception.decoding import Coding, coding, decode
+from atw_mcp.perception.decoding import Coding, coding, combed, decode
 from atw_mcp.perception.decoding import Frames as Frames
 from atw_mcp.perception.decoding import VideoError as VideoError
 
@@ -199,6 +199,10 @@ class _Film:
         warnings = []
         if declared > count:
             warnings.append(f"truncated: {count} frames decode, but the header claims {declared}")
+        if self.held.codec != "pictures" and combed(self.file):
+            warnings.append(
+                "frames hold two fields of their own times (interlaced): deinterlaced, every other row interpolated"
+            )
         rate, clock, doubt = frame_times(self.moments, self.held)
         shown, repeats = repeated(self.changes)
         if shown > 1:

@@ -106,6 +106,7 @@ def test_fields_of_an_interlaced_film_are_taken_apart(tmp_path: Path, marked: bo
     info, frames = load(film)
     seen = places(frames)
     assert len(frames) == 9
+    assert any("deinterlaced" in warning for warning in info.warnings)
     assert seen[1:-1, 2] == pytest.approx(np.full(7, 2 * RADIUS), abs=2.0)
     slope = np.polyfit(times(info, 9)[1:-1], seen[1:-1, 0], 1)
     assert slope[0] == pytest.approx(fast * SPEED, rel=0.02)
