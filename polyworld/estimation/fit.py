@@ -252,13 +252,13 @@ class _Fit:
         return min(1.0 + ratio, self.settings.model.alike)
 
     def _run(self, r: int, run: StudyRun, drawn: Drawn, early: Drawn, cut: int | None) -> FittedRun:
-        found, shown, impact = drawn[0][0], self.shown[r], self.settings.priors.impact
-        led = self._through(drawn, r, run, impact)
+        found, shown = drawn[0][0], self.shown[r]
+        led = self._through(drawn, r, run)
         world = _first(led)
         prediction = held_out = None
         if early and cut is not None:
             before = early[0][0]
-            members, names = members_of(early, r, -1, impact), constants_of(early)
+            members, names = members_of(early, r, -1), constants_of(early)
             block, begin = before.problem.runs[r][-1], before.begins(r)
             prediction = predicted(block, members, run, self.sigma[r], cut, begin, names)
             held_out = accuracy_of(_first(self._through(early[:1], r, run)), run.tracks, cut)
@@ -275,11 +275,11 @@ class _Fit:
             frames=(int(shown.frames[0]), int(shown.frames[-1])),
         )
 
-    def _through(self, drawn: Drawn, r: int, run: StudyRun, impact: float = 0.0) -> Through:
+    def _through(self, drawn: Drawn, r: int, run: StudyRun) -> Through:
         """Lead the starts of a sample through all stretches of a run."""
         blocks = drawn[0][0].problem.runs[r]
         first = blocks[0].world.model_copy(update={"time": run.world.time})
-        return through(first, blocks, [members_of(drawn, r, b, impact) for b in range(len(blocks))])
+        return through(first, blocks, [members_of(drawn, r, b) for b in range(len(blocks))])
 
     def _watched(self, problem: Problem) -> Callable[[float, float], None]:
         def watched(share: float, cost: float) -> None:

@@ -33,8 +33,6 @@ class PriorSettings:
     ln_departure: float = 0.25  # of a body from others whose materials were not stated either
     ln_surface: Gaussian = (-0.36, 0.5)  # 0.7: of the surface's own coefficient, which sets that of pairs of bodies
     restitution: Gaussian = (0.5, 0.15)
-    impact: float = 0.25  # deviation of one body's restitution in a collision to come from its material's: pairs follow
-    # from materials by a rule (product, minimum, mean) that is not known, and a corner returns less than a face
     linear_damping: float = 0.15  # [1/s] half-normal
     quadratic_damping: float = 0.1  # [1/m] half-normal: a ball of 4 cm in air has 0.15
     angular_damping: float = 0.15  # [1/s] half-normal
