@@ -15,7 +15,6 @@ from polyworld.estimation.accuracy import predicted
 from polyworld.estimation.declared import Rolling, constants, with_resistance
 from polyworld.estimation.fit_settings import FitSettings
 from polyworld.estimation.fitted import (
-    TINY,
     Drawn,
     FittedRun,
     Found,
@@ -191,7 +190,7 @@ class _Fit:
             runs.append(self._blocks(i, replace(run, tracks=own), rolling, cut))
         if not shared and not any(b.states.count for run in runs for b in run):
             raise ValueError("nothing to fit: no parameter shows in these tracks, or every one of them was fixed")
-        descent = replace(self.settings.descent, alike=self._alike())
+        descent = self.settings.descent
         if any(run.world.coupled for run in self.study.runs):
             descent = replace(descent, step=descent.wide)
         return Problem(runs, shared, descent)
@@ -242,14 +241,6 @@ class _Fit:
     def _drawn(self, found: Found, sampling: SamplingSettings | None = None) -> Drawn:
         draws = sampling or (COSTLY if any(r.world.coupled for r in self.study.runs) else SamplingSettings())
         return drawn_from(found, self.options.members, self.options.seed, draws)
-
-    def _alike(self) -> float:
-        """Return how many samples count as one, as far as noise does not hide what the model leaves."""
-        drift = [self.settings.model.drift * _sizes(r) / np.maximum(own, TINY)
-                 for r, own in zip(self.study.runs, self.noise, strict=True)]  # fmt: skip
-        every = np.concatenate(drift)
-        ratio = float(np.mean(every**2)) if len(every) else 0.0
-        return min(1.0 + ratio, self.settings.model.alike)
 
     def _run(self, r: int, run: StudyRun, drawn: Drawn, early: Drawn, cut: int | None) -> FittedRun:
         found, shown = drawn[0][0], self.shown[r]

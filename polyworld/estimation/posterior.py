@@ -54,7 +54,7 @@ def sample(
     """
     settings = settings or SamplingSettings()
     rng = np.random.default_rng([seed, 0x5A])
-    normal, centre, variance = found.normal, found.point.shared, problem.settings.scale**2
+    normal, centre, variance = found.normal, found.point.shared, problem.scale**2
     s = len(centre)
     answers: list[Array] = []
     inverses: list[Array] = []
@@ -155,7 +155,7 @@ def _profiled(
 
     The step takes residuals where the states follow linearly, and slopes of the minimum.
     """
-    variance, huber, at = problem.settings.scale**2, problem.settings.huber, found.point
+    variance, huber, at = problem.scale**2, problem.settings.huber, found.point
     flat = [np.concatenate(own) + (shared - at.shared) @ a.T for own, a in zip(at.states, answers, strict=True)]
     cuts = [np.cumsum([0, *(b.states.count for b in run)]) for run in problem.runs]
     states = [np.split(own, cut[1:-1], axis=1) for own, cut in zip(flat, cuts, strict=True)]
