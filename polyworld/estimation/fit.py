@@ -46,7 +46,7 @@ from polyworld.world.shapes import Sphere
 Array = NDArray[np.float64]
 
 Edit = Callable[[list[Unknown]], list[Unknown]]
-COSTLY = SamplingSettings(rounds=2, most=2, draws=32)  # of worlds with deformable bodies, whose rollouts take seconds
+COSTLY = SamplingSettings(most=2, draws=32)  # of worlds with deformable bodies, whose rollouts take seconds
 Watch = Callable[[float, str, float], None]
 
 
@@ -219,7 +219,7 @@ class _Fit:
         """Sample the posterior, and compare runs with what was measured."""
         problem, minimum = found.problem, found.minimum
         drawn = self._drawn(found)
-        first = self._drawn(early, SamplingSettings(rounds=2, most=4)) if early else ()
+        first = self._drawn(early, SamplingSettings(most=4)) if early else ()
         runs = [self._run(r, run, drawn, first, cuts[r]) for r, run in enumerate(self.study.runs)]
         self.rollouts += problem.rollouts + (early.problem.rollouts if early else 0)
         count = sum(b.size for blocks in problem.runs for b in blocks)

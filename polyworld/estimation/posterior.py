@@ -25,13 +25,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SamplingSettings:
-    """rounds of `draws` each, up to `most` while fewer than `enough` draws count. freedom: of the t distribution, whose
+    """Rounds of `draws` each, up to `most` while fewer than `enough` draws count. freedom: of the t distribution, whose
     tails cover what a Gaussian would miss."""
 
-    rounds: int = 4
     most: int = 10
     draws: int = 128
-    enough: float = 40.0
+    enough: float = 64.0
     freedom: float = 6.0
 
 
@@ -78,7 +77,7 @@ def sample(
     proposals = []
     weights = np.zeros(0)
     for turn in range(settings.most if s else 0):
-        if turn >= settings.rounds and 1.0 / (weights**2).sum() >= settings.enough * 1.01:
+        if turn > 1 and 1.0 / (weights**2).sum() >= settings.enough * 1.01:
             break
         for about in (mean, _inward(mean, covariance, problem)):
             proposal = multivariate_t(about, _positive(covariance, np.ones(s)), df=settings.freedom, seed=rng)
