@@ -19,7 +19,8 @@ PARTS = {
     "drain": "drains",
     "container": "containers",
 }
-SLACK = "collision_slack"  # effect that a fit adds for a collision, at one time for all that take part
+SLACK = "collision_slack"  # effect that a fit adds for a collision, at one time for all bodies
+MET = "slack_"  # begins the names of those of the bodies that take part in it
 OBJECTS = ("objects", "deformables", "statics")
 
 
@@ -47,7 +48,8 @@ def without(world: World, name: str, part: str | None = None) -> World:
 def _forget(data: dict[str, Any], name: str) -> None:
     """Take out of a world's description what refers to an object that is gone."""
     effects = []
-    met = {e["parameters"].get("time") for e in data["effects"] if e["kind"] == SLACK and name in (e["objects"] or ())}
+    slack = [e for e in data["effects"] if e["kind"] == SLACK and e["name"].startswith(MET)]
+    met = {e["parameters"].get("time") for e in slack if name in (e["objects"] or ())}
     for effect in data["effects"]:
         if effect["kind"] == SLACK and effect["parameters"].get("time") in met:
             continue  # the collision that left it does not happen

@@ -15,7 +15,6 @@ from polyworld.estimation.accuracy import predicted
 from polyworld.estimation.declared import Rolling, constants, with_resistance
 from polyworld.estimation.fit_settings import FitSettings
 from polyworld.estimation.fitted import (
-    TINY,
     Drawn,
     FittedRun,
     Found,
@@ -47,7 +46,7 @@ from polyworld.world.shapes import Sphere
 Array = NDArray[np.float64]
 
 Edit = Callable[[list[Unknown]], list[Unknown]]
-COSTLY = SamplingSettings(rounds=2, most=2, draws=32)  # of worlds with deformable bodies, whose rollouts take seconds
+COSTLY = SamplingSettings(most=2, draws=32)  # of worlds with deformable bodies, whose rollouts take seconds
 Watch = Callable[[float, str, float], None]
 
 
@@ -191,7 +190,7 @@ class _Fit:
             runs.append(self._blocks(i, replace(run, tracks=own), rolling, cut))
         if not shared and not any(b.states.count for run in runs for b in run):
             raise ValueError("nothing to fit: no parameter shows in these tracks, or every one of them was fixed")
-        descent = replace(self.settings.descent, alike=self._alike())
+        descent = self.settings.descent
         if any(run.world.coupled for run in self.study.runs):
             descent = replace(descent, step=descent.wide)
         return Problem(runs, shared, descent)
@@ -220,7 +219,7 @@ class _Fit:
         """Sample the posterior, and compare runs with what was measured."""
         problem, minimum = found.problem, found.minimum
         drawn = self._drawn(found)
-        first = self._drawn(early, SamplingSettings(rounds=2, most=4)) if early else ()
+        first = self._drawn(early, SamplingSettings(most=4)) if early else ()
         runs = [self._run(r, run, drawn, first, cuts[r]) for r, run in enumerate(self.study.runs)]
         self.rollouts += problem.rollouts + (early.problem.rollouts if early else 0)
         count = sum(b.size for blocks in problem.runs for b in blocks)
@@ -243,22 +242,14 @@ class _Fit:
         draws = sampling or (COSTLY if any(r.world.coupled for r in self.study.runs) else SamplingSettings())
         return drawn_from(found, self.options.members, self.options.seed, draws)
 
-    def _alike(self) -> float:
-        """Return how many samples count as one, as far as noise does not hide what the model leaves."""
-        drift = [self.settings.model.drift * _sizes(r) / np.maximum(own, TINY)
-                 for r, own in zip(self.study.runs, self.noise, strict=True)]  # fmt: skip
-        every = np.concatenate(drift)
-        ratio = float(np.mean(every**2)) if len(every) else 0.0
-        return min(1.0 + ratio, self.settings.model.alike)
-
     def _run(self, r: int, run: StudyRun, drawn: Drawn, early: Drawn, cut: int | None) -> FittedRun:
-        found, shown, impact = drawn[0][0], self.shown[r], self.settings.priors.impact
-        led = self._through(drawn, r, run, impact)
+        found, shown = drawn[0][0], self.shown[r]
+        led = self._through(drawn, r, run)
         world = _first(led)
         prediction = held_out = None
         if early and cut is not None:
             before = early[0][0]
-            members, names = members_of(early, r, -1, impact), constants_of(early)
+            members, names = members_of(early, r, -1), constants_of(early)
             block, begin = before.problem.runs[r][-1], before.begins(r)
             prediction = predicted(block, members, run, self.sigma[r], cut, begin, names)
             held_out = accuracy_of(_first(self._through(early[:1], r, run)), run.tracks, cut)
@@ -275,11 +266,11 @@ class _Fit:
             frames=(int(shown.frames[0]), int(shown.frames[-1])),
         )
 
-    def _through(self, drawn: Drawn, r: int, run: StudyRun, impact: float = 0.0) -> Through:
+    def _through(self, drawn: Drawn, r: int, run: StudyRun) -> Through:
         """Lead the starts of a sample through all stretches of a run."""
         blocks = drawn[0][0].problem.runs[r]
         first = blocks[0].world.model_copy(update={"time": run.world.time})
-        return through(first, blocks, [members_of(drawn, r, b, impact) for b in range(len(blocks))])
+        return through(first, blocks, [members_of(drawn, r, b) for b in range(len(blocks))])
 
     def _watched(self, problem: Problem) -> Callable[[float, float], None]:
         def watched(share: float, cost: float) -> None:

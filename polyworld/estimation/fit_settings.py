@@ -33,8 +33,6 @@ class PriorSettings:
     ln_departure: float = 0.25  # of a body from others whose materials were not stated either
     ln_surface: Gaussian = (-0.36, 0.5)  # 0.7: of the surface's own coefficient, which sets that of pairs of bodies
     restitution: Gaussian = (0.5, 0.15)
-    impact: float = 0.25  # deviation of one body's restitution in a collision to come from its material's: pairs follow
-    # from materials by a rule (product, minimum, mean) that is not known, and a corner returns less than a face
     linear_damping: float = 0.15  # [1/s] half-normal
     quadratic_damping: float = 0.1  # [1/m] half-normal: a ball of 4 cm in air has 0.15
     angular_damping: float = 0.15  # [1/s] half-normal
@@ -87,15 +85,11 @@ class LinkSettings:
 @dataclass(frozen=True)
 class ModelSettings:
     """tolerance: share of a body's size to which rigid bodies and simple contacts describe a path at best; added in
-    quadrature to the measured noise. drift: the same of what changes little from frame to frame, which no number of
-    frames averages out, and alike: samples that count as one where it outweighs the noise: 80% intervals of scenes by
-    other engines hold 10% more for it. path: half width of the error of a predicted place, as a share of the distance
+    quadrature to the measured noise. path: half width of the error of a predicted place, as a share of the distance
     travelled since the last fitted frame: chosen on the questions of `tests.benchmarks.foresight` about two clips; 80%
-    intervals of scenes by other engines then hold 86% a second later, and 67% without it."""
+    intervals of scenes by other engines then hold 84% a second later, and 44% without it."""
 
     tolerance: float = 0.002
-    drift: float = 0.05
-    alike: float = 3.0
     path: float = 0.04
 
 
@@ -103,19 +97,15 @@ class ModelSettings:
 class DescentSettings:
     """Least squares.
 
-    scale: of residuals in standard deviations of the noise: priors and links count by its square, as if each residual
-    were divided by it. huber: standard deviations beyond which residuals count linearly. alike: samples that count as
-    one. same: relative change of the scale that moves a minimum by less than its error. dampings: factors on
-    Marquardt's parameter tried in one batch. rest: fall of chi-square, in squared scales, below which an iteration
-    gains nothing; twice in a row ends a stage. step: share of a prior's deviation, or of a state's, by which
-    derivatives are taken; wide: with deformable bodies, whose particles and contacts come and go. substep [s]: of
-    spatial worlds while they are fitted: paths over a second then depart by a millimetre or less from those of finer
-    steps.
+    huber: standard deviations beyond which residuals count linearly. same: relative change of the residuals' scale that
+    moves a minimum by less than its error. dampings: factors on Marquardt's parameter tried in one batch. rest: fall of
+    chi-square, in squared scales, below which an iteration gains nothing; twice in a row ends a stage. step: share of a
+    prior's deviation, or of a state's, by which derivatives are taken; wide: with deformable bodies, whose particles
+    and contacts come and go. substep [s]: of spatial worlds while they are fitted: paths over a second then depart by a
+    millimetre or less from those of finer steps.
     """
 
-    scale: float = 1.0
     huber: float = 4.0
-    alike: float = 1.0
     same: float = 0.1
     dampings: tuple[float, ...] = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0)
     iterations: int = 25

@@ -154,20 +154,14 @@ def drawn_from(found: Found, members: int, seed: int, sampling: SamplingSettings
     return [(found, best), *drawn]
 
 
-def members_of(drawn: Drawn, r: int, b: int, impact: float = 0.0) -> dict[str, Array]:
-    """Return parameter path -> values (N,) of the minimum, then of the members, of one block.
-
-    impact: standard deviation of what a body's restitution in a single collision has of its own.
-    """
-    rng = np.random.default_rng([r, 0x1E])
+def members_of(drawn: Drawn, r: int, b: int) -> dict[str, Array]:
+    """Return parameter path -> values (N,) of the minimum, then of the members, of one block."""
     parts = [f.problem.runs[r][b].overrides(p.shared, p.states[r][b]) for f, p in drawn]
     world, joint = drawn[0][0].problem.runs[r][b].world, dict[str, Array]()
     for path in dict.fromkeys(path for part in parts for path in part):
         own = read_parameter(world, path) or 0.0
         each = [part.get(path, np.full(len(p.shared), own)) for part, (_, p) in zip(parts, drawn, strict=True)]
         joint[path] = np.concatenate(each)
-        if path.endswith(".restitution"):
-            joint[path][1:] = np.clip(joint[path][1:] + impact * rng.standard_normal(len(joint[path]) - 1), 0.0, 1.0)
     return joint
 
 

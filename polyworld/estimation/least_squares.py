@@ -8,7 +8,7 @@ alone, so that initial states are eliminated by a Schur complement a run.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +75,11 @@ class Minimum:
 
 
 class Problem:
-    """Runs of blocks with shared unknowns that have Gaussian priors."""
+    """Runs of blocks with shared unknowns that have Gaussian priors.
+
+    scale: of residuals in standard deviations of the noise: priors and links count by its square, as if each residual
+    were divided by it.
+    """
 
     def __init__(
         self,
@@ -86,6 +90,8 @@ class Problem:
     ) -> None:
         self.runs, self.shared, self.settings = [tuple(r) for r in runs], tuple(shared), settings
         self.lower, self.upper = bounds_in_coordinates(shared)
+        # Values stay at the bound below it, where slopes vanish: a minimum there is one at the bound.
+        self.least = np.maximum(self.lower, [u.lower if u.scale == "linear" else -np.inf for u in shared])
         self.prior_mean = np.array([u.prior[0] if u.prior else 0.0 for u in shared])
         self.prior_sd = np.array([u.prior[1] if u.prior else np.inf for u in shared])
         self.typical = np.array([u.typical for u in shared])
@@ -94,6 +100,7 @@ class Problem:
             for block in run:
                 block.prepare(self.shared, machines)
         self.rollouts = 0
+        self.scale = 1.0
 
     def start(self) -> Point:
         """Return where unknowns start."""
@@ -111,14 +118,14 @@ class Problem:
 
     def prior_costs(self, shared: Array) -> Array:
         """Return the part (K,) of the priors of shared coordinates (K, S)."""
-        scale = self.settings.scale
+        scale = self.scale
         total: Array = ((scale * (shared - self.prior_mean) / self.prior_sd) ** 2).sum(axis=1)
         return total
 
     def run_costs(self, shared: Array, states: Sequence[Sequence[Array]], most: float) -> Array:
         """Return the robust chi-square (K, R) of runs at shared (K, S) and states[run][block] (K, N)."""
         settings = [(b, shared, states[r][i]) for r, run in enumerate(self.runs) for i, b in enumerate(run)]
-        found, scale, huber = iter(self.evaluate(settings, most)), self.settings.scale, self.settings.huber
+        found, scale, huber = iter(self.evaluate(settings, most)), self.scale, self.settings.huber
         total = np.zeros((len(shared), len(self.runs)))
         for r, run in enumerate(self.runs):
             for i, block in enumerate(run):
@@ -137,7 +144,7 @@ class Problem:
 
     def normal(self, at: Point, most: float) -> Normal:
         """Linearise at a point."""
-        s, scale = len(self.shared), self.settings.scale
+        s, scale = len(self.shared), self.scale
         found = Normal(np.zeros((s, s)), np.zeros(s), [], [], [], self.linearised(at, most))
         inside = np.isfinite(self.prior_sd)
         firm = (scale / self.prior_sd[inside]) ** 2
@@ -220,7 +227,7 @@ class Problem:
             shared, gradient = shared - border.T @ both[:, 1:], gradient - border.T @ both[:, 0]
             solved.append((both[:, 0], both[:, 1:]))
         free = ~(
-            ((at.shared <= self.lower) & (normal.gradient > 0.0))
+            ((at.shared <= self.least) & (normal.gradient > 0.0))
             | ((at.shared >= self.upper) & (normal.gradient < 0.0))
         )
         change = np.zeros(len(gradient))
@@ -228,7 +235,7 @@ class Problem:
             size = np.maximum(np.diag(shared)[free], 1e-300) ** -0.5  # units differ by orders of magnitude
             scaled = shared[np.ix_(free, free)] * size[:, None] * size
             change[free] = -size * np.linalg.lstsq(scaled, gradient[free] * size, rcond=1e-12)[0]
-        moved = np.clip(at.shared + change, self.lower, self.upper)
+        moved = np.clip(at.shared + change, self.least, self.upper)
         change = moved - at.shared
         states = []
         for run, own_states, (g, border) in zip(self.runs, at.states, solved, strict=True):
@@ -257,13 +264,13 @@ class Problem:
             gain = cost - float(costs[best])
             if gain > 0.0:
                 at, cost = trials[best], float(costs[best])
-                damping = float(np.clip(damping * self.settings.dampings[best], 1e-8, 1e4))
+                damping = float(np.clip(damping * self.settings.dampings[best], 1e-3, 1e4))
                 normal = self.normal(at, most)
             else:
-                damping = float(np.clip(damping * self.settings.dampings[-1], 1e-8, 1e6))
+                damping = min(damping * self.settings.dampings[-1], 1e6)
             if watch is not None:
                 watch(cost)
-            still = still + 1 if gain < self.settings.rest * self.settings.scale**2 else 0
+            still = still + 1 if gain < self.settings.rest * self.scale**2 else 0
             if still >= 2:
                 break
         return Minimum(at, cost, normal, still >= 2, self._misfit(normal))
@@ -292,12 +299,12 @@ class Problem:
                     watch((number + 1.0 - 0.8**steps) / len(stages), cost)
 
             found = self.descend(at, share, watched, cancelled)
-            at, before = found.point, self.settings.scale
-            scale = float(np.sqrt(self.settings.alike * self.remainder(found)))
+            at, before = found.point, self.scale
+            scale = float(np.sqrt(self.remainder(found)))
             last = number == len(stages) - 1
             if last or (share == 1.0 and abs(scale - before) < self.settings.same * before):
                 break
-            self.settings = replace(self.settings, scale=scale)
+            self.scale = scale
         return found
 
     def _stages(self) -> list[float]:
@@ -334,7 +341,7 @@ class Problem:
         The minimum over the variance of residuals, the part of that variance, and how much the data narrow the priors
         of the shared unknowns: ln det(S H), H (S, S) the information with initial states eliminated, S of the priors.
         """
-        known, variance = np.isfinite(self.prior_sd), self.settings.scale**2 / self.settings.alike
+        known, variance = np.isfinite(self.prior_sd), self.scale**2
         scaled = found.normal.information()[np.ix_(known, known)] * np.outer(self.prior_sd[known], self.prior_sd[known])
         occam = np.linalg.slogdet(scaled / variance + 1e-12 * np.eye(len(scaled)))[1]
         count = sum(len(one.residuals) for one in found.normal.slopes)

@@ -25,13 +25,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SamplingSettings:
-    """rounds of `draws` each, up to `most` while fewer than `enough` draws count. freedom: of the t distribution, whose
+    """Rounds of `draws` each, up to `most` while fewer than `enough` draws count. freedom: of the t distribution, whose
     tails cover what a Gaussian would miss."""
 
-    rounds: int = 4
     most: int = 10
     draws: int = 128
-    enough: float = 40.0
+    enough: float = 64.0
     freedom: float = 6.0
 
 
@@ -54,7 +53,7 @@ def sample(
     """
     settings = settings or SamplingSettings()
     rng = np.random.default_rng([seed, 0x5A])
-    normal, centre, variance = found.normal, found.point.shared, problem.settings.scale**2
+    normal, centre, variance = found.normal, found.point.shared, problem.scale**2
     s = len(centre)
     answers: list[Array] = []
     inverses: list[Array] = []
@@ -78,7 +77,7 @@ def sample(
     proposals = []
     weights = np.zeros(0)
     for turn in range(settings.most if s else 0):
-        if turn >= settings.rounds and 1.0 / (weights**2).sum() >= settings.enough * 1.01:
+        if turn > 1 and 1.0 / (weights**2).sum() >= settings.enough * 1.01:
             break
         for about in (mean, _inward(mean, covariance, problem)):
             proposal = multivariate_t(about, _positive(covariance, np.ones(s)), df=settings.freedom, seed=rng)
@@ -155,7 +154,7 @@ def _profiled(
 
     The step takes residuals where the states follow linearly, and slopes of the minimum.
     """
-    variance, huber, at = problem.settings.scale**2, problem.settings.huber, found.point
+    variance, huber, at = problem.scale**2, problem.settings.huber, found.point
     flat = [np.concatenate(own) + (shared - at.shared) @ a.T for own, a in zip(at.states, answers, strict=True)]
     cuts = [np.cumsum([0, *(b.states.count for b in run)]) for run in problem.runs]
     states = [np.split(own, cut[1:-1], axis=1) for own, cut in zip(flat, cuts, strict=True)]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.edits.removal import MET
 from polyworld.estimation.problem import Block
 from polyworld.solver.rollout import simulator
 from polyworld.world import Effect, World, geometry
@@ -18,7 +19,10 @@ from polyworld.world.representations.rigid import RigidObject
 Array = NDArray[np.float64]
 Values = Mapping[str, Array]
 
-NAME = "slack_"  # begins the names of such effects
+BESIDE = "carried_"  # begins the names of the effects on bodies that take no part in the collision
+
+
+PASSES = 3  # of each correction: the first is exact where nothing resists and nothing is touched in the meantime
 
 
 @dataclass(frozen=True)
@@ -30,56 +34,59 @@ class Through:
 
 
 def through(world: World, blocks: Sequence[Block], members: Sequence[Values]) -> Through:
-    """Add two pulses for every body of every collision of a run, sized by what the link leaves for every member.
+    """Add two pulses for every body at every collision of a run, sized by what the link leaves for every member.
 
-    world: of the first stretch; members: parameters (N,) by path of each stretch, of the same N members. The first
-    pulse brings a body to speed and on its way to the place where the next stretch begins; the second, one duration
-    later, stops what was for the place.
+    world: of the first stretch; members: parameters (N,) by path of each stretch, of the same N members. Together the
+    pulses bring a body, by the end of the second, to the place and velocity that it has there in the next stretch.
     """
     joint, begin, frame = dict(members[0]), 0.0, world.time.seconds_per_frame
+    count = len(next(iter(joint.values()), np.zeros(1)))
     for number, (block, later) in enumerate(itertools.pairwise(blocks), start=1):
         link = block.link
         assert link is not None
         begin += link.time
         step = frame / np.ceil(frame / world.time.substep - 1e-9)
         length = step * max(2, round(0.5 * frame / step))  # whole steps, over which a pulse is exact
-        count = len(next(iter(joint.values())))
-        end = simulator(world, np.array([begin]), n_worlds=count).run(joint)
-        added: list[Effect] = []
-        pulses: dict[str, Array] = {}
-        for name in link.who:
-            item, column = world.object(name), end.names.index(name)
-            faster = _missing(later.world, members[number], name, "velocity", end.velocities[:, -1, column])
-            apart = _missing(later.world, members[number], name, "position", end.positions[:, -1, column])
-            spun = _missing(
-                later.world, members[number], name, "angular_velocity", end.angular_velocities[:, -1, column]
-            )
-            mass = joint.get(f"objects.{name}.mass", np.full(count, object_mass(item)))[:, None]
-            stopped = mass / length * (apart + 0.5 * length * faster)
-            turned = mass * np.einsum("nij,nj->ni", _inertia(item, end.orientations[:, -1, column]), spun)
-            parts = ((mass * faster + stopped, turned), (-stopped, 0.0 * turned))
-            for k, (impulse, turn) in enumerate(parts):
-                effect = f"{NAME}{number}_{name}" + "_after" * k
-                times = {"time": world.time.origin + begin + k * length, "duration": length}
-                added.append(Effect(name=effect, kind="collision_slack", parameters=times, objects=(name,)))
-                for key, values in (("impulse", impulse), ("turn", turn)):
-                    pulses |= {f"effects.{effect}.{key}_{a}": np.nan_to_num(values[:, i]) for i, a in enumerate("xyz")}
+        names = [f"{MET if name in link.who else BESIDE}{number}_{name}" for name in link.place]
+        added = [
+            Effect(name=effect + "_after" * k, kind="collision_slack", objects=(name,),
+                   parameters={"time": world.time.origin + begin + k * length, "duration": length})
+            for name, effect in zip(link.place, names, strict=True) for k in range(2)
+        ]  # fmt: skip
         world = world.model_copy(update={"effects": (*world.effects, *added)})
-        joint |= pulses
+        pulses = np.zeros((len(names), 2, 2, count, 3))  # by body, first or second, impulse or turn
+        own = simulator(later.world, np.array([2.0 * length]), n_worlds=count).run(members[number])
+        for _ in range(PASSES):
+            led = simulator(world, np.array([begin + 2.0 * length]), n_worlds=count).run(joint)
+            for i, name in enumerate(link.place):
+                item, here, there = world.object(name), led.names.index(name), own.names.index(name)
+                apart, faster, spun = (
+                    _along(world, f, getattr(own, f)[:, -1, there] - getattr(led, f)[:, -1, here])
+                    for f in ("positions", "velocities", "angular_velocities")
+                )
+                mass = joint.get(f"objects.{name}.mass", np.full(count, object_mass(item)))[:, None]
+                first = apart / length - 0.5 * faster  # a pulse acts as at its middle
+                pulses[i, 0, 0] += np.nan_to_num(mass * first)
+                pulses[i, 1, 0] += np.nan_to_num(mass * (faster - first))
+                turned = np.einsum("nij,nj->ni", _inertia(item, led.orientations[:, -1, here]), spun)
+                pulses[i, 0, 1] += np.nan_to_num(mass * turned)
+            joint |= {
+                f"effects.{effect}{'_after' * k}.{key}_{a}": pulses[i, k, f, :, c]
+                for i, effect in enumerate(names)
+                for k in range(2)
+                for f, key in enumerate(("impulse", "turn"))
+                for c, a in enumerate("xyz")
+            }
     return Through(world, joint)
 
 
-def _missing(world: World, values: Values, name: str, field: str, before: Array) -> Array:
-    """Return what a field (N, 3) lacks to what a stretch begins with."""
-    own = getattr(world.object(name), field)
-    paths = [f"objects.{name}.{field}.{a}" for a in "xyz"]
-    after = [values.get(path, np.full(len(before), own[i])) for i, path in enumerate(paths)]
-    normal = geometry.plane_axes(world.environment.motion_plane)[2] if world.planar else np.zeros(3)
-    missing: Array = np.stack(after, axis=1) - before
-    if world.planar:
-        along = (missing @ normal)[:, None] * normal
-        missing = along if field == "angular_velocity" else missing - along
-    return missing
+def _along(world: World, field: str, vectors: Array) -> Array:
+    """Return vectors (N, 3) as far as bodies move so: in a planar world along the plane, and turn about its normal."""
+    if not world.planar:
+        return vectors
+    normal = geometry.plane_axes(world.environment.motion_plane)[2]
+    along: Array = (vectors @ normal)[:, None] * normal
+    return along if field == "angular_velocities" else vectors - along
 
 
 def _inertia(item: RigidObject, orientations: Array) -> Array:

@@ -167,4 +167,5 @@ def share_left(before: float, after: float) -> float:
 
 
 def _soften(problem: Problem, soft: float, scale: float, iterations: int) -> None:
-    problem.settings = replace(problem.settings, huber=soft * scale, scale=scale, rest=REST, iterations=iterations)
+    problem.settings = replace(problem.settings, huber=soft * scale, rest=REST, iterations=iterations)
+    problem.scale = scale

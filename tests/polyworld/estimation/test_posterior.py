@@ -10,7 +10,7 @@ from polyworld.estimation.posterior import SamplingSettings, sample
 from tests.polyworld.estimation.linear_problem import LinearProblem, flat, shared_unknown
 
 COUNT = 1000
-MANY = SamplingSettings(rounds=5, draws=1500)
+MANY = SamplingSettings(draws=4000)
 
 
 def deaf(own: LinearProblem, column: int) -> LinearProblem:
