@@ -73,7 +73,7 @@ def observe(
     states = follow(scene, held)
     for _ in range(settings.rounds):
         learn_shapes(scene, states, held)
-        _learn(scene, held, states)
+        _learn(scene, held)
         before = scene.poses.copy()
         states = refit(scene, held)
         states = reassign(scene, states, held)
@@ -241,17 +241,13 @@ def _tried(
     return total, found
 
 
-def _learn(scene: Scene, held: list[dict[int, Floats]], states: list[States]) -> None:
-    """Learn background and shade from all poses, colours from those that are not doubted.
-
-    What is found after a body has left is another thing.
-    """
+def _learn(scene: Scene, held: list[dict[int, Floats]]) -> None:
+    """Learn background, colours and shade from all poses."""
     scene.background = learn_background(scene.film, scene.covered(3.0) | _at_seeds(scene, held))
     count = scene.film.count
     frames = sorted(set(np.linspace(0, count - 1, min(count, scene.settings.background_frames)).astype(int).tolist()))
     for i in range(len(scene.bodies)):
-        least = scene.settings.weak * scene.usual[i]
-        own = sorted(k for k, state in states[i].items() if state.contrast > least or k in held[i])
+        own = [k for k in range(count) if np.isfinite(scene.poses[i, k, 0])]
         scene.learn_body(i, own[:: max(1, len(own) // 24)])
     scene.learn_shades(frames)
     order_outlines(scene)
