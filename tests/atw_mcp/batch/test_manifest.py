@@ -72,9 +72,9 @@ def test_a_byte_order_mark_is_no_part_of_a_line(tmp_path: Path) -> None:
     assert [case.entry.id for case in read_manifest(path)] == ["discs"]
 
 
-def test_the_manifest_that_the_readme_runs_has_nothing_wrong() -> None:
+def test_the_manifest_that_the_page_runs_has_nothing_wrong() -> None:
     root = Path(__file__).parents[3]
-    assert "atw-mcp batch atw_mcp/demo/batch.jsonl" in (root / "README.md").read_text()
+    assert "atw-mcp batch atw_mcp/demo/batch.jsonl" in (root / ".docs" / "pages" / "serve.md").read_text()
     cases = read_manifest(root / "atw_mcp" / "demo" / "batch.jsonl", look_for_files=True)
     assert [case.entry.kind for case in cases] == ["video", "described"]
 

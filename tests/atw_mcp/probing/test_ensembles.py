@@ -155,7 +155,8 @@ def test_energy_and_momentum_come_with_intervals(session: Session, rollout: str)
     mass = session("ReadProperty", case="slide", objects=["block"], property="mass")["data"]["values"][0]["value"]
     _, _, speed, _, slowing, energy = about["rows"][1]
     assert speed[1] < speed[0] < speed[2]
-    assert slowing[1] - 0.1 < -FRICTION * 9.81 < slowing[2] + 0.1
+    width = slowing[2] - slowing[1]  # of an interval of 80%: 2.6 standard deviations
+    assert slowing[1] - width < -FRICTION * 9.81 < slowing[2] + width
     assert answer["data"]["rows"][1][4] == pytest.approx(0.5 * mass * answer["data"]["rows"][1][1] ** 2, rel=0.01)
     assert energy[1] < energy[2]
     assert about["rows"][-1][2] == pytest.approx([0.0, 0.0, 0.0], abs=1e-3)

@@ -227,8 +227,8 @@ def test_whether_may_name_one_moment_and_rest_has_a_time(session: Session) -> No
 
 
 def test_an_answer_names_constants_as_the_fit_does_and_only_those_that_it_hangs_on(tmp_path: Path) -> None:
-    """Where red stops hangs on its friction; that it does not reach green, which is far off, on nothing."""
-    session, fitted = committed(tmp_path, FRAMES)
+    """Where red stops, seen for 0.2 s, hangs on its speed; that it does not reach green, far off, on nothing."""
+    session, fitted = committed(tmp_path, 6)
     alone = [{"action": "remove", "object": "blue"}]
     stops, misses = asked(
         session,
@@ -270,10 +270,10 @@ def test_a_body_that_enters_later_is_asked_about_from_then_on(tmp_path: Path) ->
     assert before["answer"].startswith("unknown: ")
 
 
-def test_the_questions_that_the_readme_shows_are_read(session: Session) -> None:
-    """With the names of this case in place of the README's."""
-    readme = (Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
-    (text,) = re.findall(r"call Ask case=slide questions='(.*)'$", readme, re.MULTILINE)
+def test_the_questions_that_the_pages_show_are_read(session: Session) -> None:
+    """With the names of this case in place of the page's."""
+    pages = "".join(page.read_text("utf-8") for page in (Path(__file__).parents[3] / ".docs" / "pages").glob("*.md"))
+    (text,) = re.findall(r"call Ask case=slide questions='(.*)'$", pages, re.MULTILINE)
     for written, here in (("puck", "red"), ("wall", "blue"), ("cube", "green")):
         text = text.replace(f'"{written}"', f'"{here}"')
     where, whether = asked(session, *json.loads(text))
