@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from itertools import chain, islice
 from pathlib import Path
 
@@ -165,6 +166,14 @@ def combed(path: Path) -> bool:
 
     A film that was coded again without deinterlacing is not marked, and shows moving bodies twice, in combs.
     """
+    held = path.stat()
+    return _combed(path, held.st_size, held.st_mtime_ns)
+
+
+@lru_cache(maxsize=64)
+def _combed(path: Path, size: int, changed: int) -> bool:
+    """Look once at a file as long as its size [bytes] and last change [ns] stay the same."""
+    del size, changed
     with _opened(path) as (container, stream):
         frames = list(_through(islice(_decoded(container, stream), LOOKED_AT), "idet"))
     return sum(f.interlaced_frame for f in frames) > COMBED * len(frames)

@@ -24,7 +24,7 @@ from polyworld.core.warp_settings import without_driver_warning
 
 Shape = int | tuple[int, ...]
 LOCK = CaptureLock()
-THREADS_PER_BLOCK = 64  # on CUDA: a world takes 255 registers, and blocks of 256 such threads leave the last wave idle
+THREADS_PER_BLOCK = 64  # on CUDA: a thread is a world, and small blocks spread few worlds over more multiprocessors
 VARIABLE = "POLYWORLD_DEVICE"  # of the environment: the device to begin with
 with without_driver_warning() if os.environ.get(VARIABLE, "cpu") == "cpu" else nullcontext():
     _chosen: Any = wp.get_device("cpu")  # starts Warp

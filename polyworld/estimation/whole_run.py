@@ -20,8 +20,6 @@ Array = NDArray[np.float64]
 Values = Mapping[str, Array]
 
 BESIDE = "carried_"  # begins the names of the effects on bodies that take no part in the collision
-
-
 PASSES = 3  # of each correction: the first is exact where nothing resists and nothing is touched in the meantime
 
 

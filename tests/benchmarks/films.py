@@ -33,7 +33,7 @@ from tests.benchmarks.clevrer_tools import Caller
 FILMS = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "films"
 CONFIDENT = 0.8
 CUP = np.array([(-4.0, -2.2), (4.0, -2.2), (2.2, 2.2), (-2.2, 2.2)])
-COLUMNS = {10: (179.3, 189.7, 204.5, 214.6, 228.6, 240.3, 252.1, 263.9)}  # u of each cup [px] in some frames
+COLUMNS = (179.3, 189.7, 204.5, 214.6, 228.6, 240.3, 252.1, 263.9)  # u of each cup [px] in frame 10
 ROWS = (53.1, 57.6, 63.7, 69.3, 71.1, 73.0, 75.2, 74.0)  # v in frame 10
 LAST = (51, 46, 39, 34, 31, 30, 27, 27)  # frames in which cups reach the caption or the border
 CART = "209 263 219 262 338 244 343 240 350 246 357 258 358 274 343 276 224 297 210 298 206 275"
@@ -58,7 +58,7 @@ def _circle(name: str, frame: int, u: float, v: float, radius: float, first: int
 
 
 def _cups() -> list[Body]:
-    places = np.c_[COLUMNS[10], ROWS]
+    places = np.c_[COLUMNS, ROWS]
     return [Body(f"cup{i + 1}", 10, {"outline": (CUP + p).tolist()}, 4, LAST[i], 3.2) for i, p in enumerate(places)]
 
 
@@ -199,7 +199,7 @@ def _from_spots(cup: int, track: Floats) -> Floats:
         _, _, stats, centres = cv2.connectedComponentsWithStats(bright, connectivity=8)
         spots = centres[1:][(stats[1:, 2] >= 4) & (stats[1:, 2] < 14)] + [165, 38]
         order = spots[np.argsort(spots[:, 0])]
-        here = order[np.abs(order[:, 0] - COLUMNS[10][cup]) < 5]
+        here = order[np.abs(order[:, 0] - COLUMNS[cup]) < 5]
         if len(here) == 1:
             error[k] = np.hypot(*(track[k, :2] - here[0]))
     return error
