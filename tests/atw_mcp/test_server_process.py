@@ -33,7 +33,13 @@ def test_a_server_that_dies_is_lost_instead_of_waited_for(tmp_path: Path) -> Non
 
 def test_interrupted_command_leaves_no_server_behind(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "atw_mcp", "shell", "--store", str(tmp_path / "atw.db")]
-    client = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    client = subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # tests in a shell's background ignore it
+    )
     assert client.stdin is not None
     assert client.stdout is not None
     client.stdin.write(b"OpenCase\n")
