@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from polyworld.data.initial_states import with_initial_states
 from polyworld.data.tracks import ObservedTracks
+from polyworld.edits.removal import without_pulses
 from polyworld.estimation.accuracy import predicted
 from polyworld.estimation.declared import Rolling, constants, with_resistance
 from polyworld.estimation.fit_settings import FitSettings
@@ -98,7 +99,7 @@ class _Fit:
         cancelled: Callable[[], bool] | None,
     ) -> None:
         self.options, self.settings, self._watch, self._cancelled = options, settings, watch, cancelled
-        self.study = Study(tuple(replace(r, world=with_resistance(r.world)) for r in study.runs))
+        self.study = Study(tuple(replace(r, world=with_resistance(without_pulses(r.world))) for r in study.runs))
         held = options.holdout
         self.shown = [r.tracks if held is None else _before(r.tracks, held) for r in study.runs]
         self.noise = [track_sigma(tracks) for tracks in self.shown]

@@ -202,6 +202,15 @@ def test_one_start_leads_through_a_collision_by_its_pulses(struck: StudyFit) -> 
     assert found == pytest.approx(expected, abs=0.03)
 
 
+def test_a_fitted_world_is_fitted_again_as_before(struck: StudyFit) -> None:
+    """The pulses of the first fit belong to it: neither do they act in the second, nor do their names collide."""
+    run = replace(struck_otherwise(), world=struck.runs[0].world)
+    again = fit(Study((run,)), WHOLE)
+    first, second = (f.constant("friction of wood").value for f in (struck, again))
+    assert second == pytest.approx(first, rel=0.02)
+    assert len(again.runs[0].world.effects) == len(struck.runs[0].world.effects)
+
+
 def test_frames_held_out_do_not_inform() -> None:
     run = two(frames=40)
     spoiled = run.tracks.positions.copy()
