@@ -47,8 +47,11 @@ class FittedConstant:
     @property
     def at_bound(self) -> bool:
         """Whether the value lies on a bound that is no physical zero."""
-        u, width = self.unknown, self.unknown.upper - self.unknown.lower
-        return self.value > u.upper - 0.01 * width or (self.value < u.lower + 0.01 * width and u.lower > 0.0)
+        u = self.unknown
+        ends = np.array([u.lower, self.value, u.upper])
+        low, value, high = np.log(np.maximum(ends, TINY)) if u.scale == "log" else ends
+        near = 0.01 * (high - low)
+        return bool(value > high - near or (value < low + near and u.lower > 0.0))
 
 
 @dataclass(frozen=True)

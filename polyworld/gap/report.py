@@ -70,8 +70,8 @@ class GapReport:
                 unit = "" if row["unit"] == "1" else f" {row['unit']}"
                 lines.append(f"  {effect['name']}, {name}: {row['value']:.4g}{unit}, 95% {low:.4g} to {high:.4g}")
         lines.append(f"  error on data left out: {v.before:.3g} standard deviations before, {v.after:.3g} after")
-        rivals = [" and ".join(p.candidate.name for p in f.hypothesis.parts) or "nothing" for f in v.competitors]
-        lines += [f"  as near: {', '.join(rivals)}"] if rivals else []
+        others = [" and ".join(p.candidate.name for p in f.hypothesis.parts) or "nothing" for f in v.competitors]
+        lines += [f"  as near: {', '.join(others)}"] if others else []
         lines += [f"  {text}" for text in (*v.reasons, *self.cautions)]
         return "\n".join(lines)
 

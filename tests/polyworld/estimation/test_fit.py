@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from polyworld.estimation.fitted import FittedConstant, StudyFit
 from polyworld.estimation.noise import track_sigma
 from polyworld.estimation.readout import sample_times
 from polyworld.estimation.study import Study, StudyRun
+from polyworld.estimation.unknown import Unknown
 from polyworld.solver.rollout import rollout, simulator
 from tests.polyworld.estimation.pucks import CROSSING, FRAME, RADIUS, SIGMA, clip, discs, tracks, world
 from tests.polyworld.synthetic import of_one
@@ -295,3 +297,18 @@ def test_what_cannot_be_fitted_is_refused() -> None:
         fit(of_one(run.world, other))
     with pytest.raises(ValueError, match="nothing to fit"):
         fit(Study((run,)), FitOptions(states=False, edit=lambda _: []))
+
+
+@pytest.mark.parametrize(
+    ("scale", "value", "at"),
+    [
+        ("log", 0.0104, False),
+        ("log", 0.00051, True),
+        ("log", 1.99, True),
+        ("linear", 0.01, True),
+        ("linear", 0.1, False),
+    ],
+)
+def test_bounds_are_near_on_the_scale_of_the_constant(scale: Any, value: float, at: bool) -> None:
+    unknown = Unknown("rolling", ("a.b",), "m", 1e-2, 5e-4, 2.0, 1.0, scale=scale)
+    assert FittedConstant(unknown, value, 0.0, (value, value), 1.0, np.zeros(0)).at_bound is at
