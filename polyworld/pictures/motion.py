@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from polyworld.data.recording import Run
 from polyworld.trajectory import Rollout
 
+Array = NDArray[np.float64]
 AXES = "xyz"
 
 
-def plot(rollout: Rollout, measured: Run | None = None) -> Figure:
+def plot(rollout: Rollout, measured: Run | None = None, band: tuple[Array, Array] | None = None) -> Figure:
     """Return a figure of places [m] over time [s], a panel for each coordinate.
 
-    Lines are simulated; dots are what a run measured, from its first instant on, in the colours of its objects. Save it
-    by `figure.savefig("motion.svg")`. Raises ValueError where no measured object is in the rollout.
+    Lines are simulated; dots are what a run measured, from its first instant on, in the colours of its objects. band:
+    lower and upper ends (T, n, 3) [m] of an interval to shade about the lines. Save the figure by
+    `figure.savefig("motion.svg")`. Raises ValueError where no measured object is in the rollout.
     """
     motion = rollout.trajectory
     if measured is not None and not {*measured.names} & {*motion.names}:
@@ -28,6 +32,9 @@ def plot(rollout: Rollout, measured: Run | None = None) -> Figure:
             shown = motion.active[:, column]
             colour = f"C{column % 10}"
             panel.plot(motion.times[shown], motion.positions[shown, column, axis], color=colour, label=name)
+            if band is not None:
+                low, high = (end[shown, column, axis] for end in band)
+                panel.fill_between(motion.times[shown], low, high, color=colour, alpha=0.25, linewidth=0.0)
             if measured is not None and name in measured.names:
                 places = measured.positions[:, measured.names.index(name), axis]
                 panel.plot(measured.times - measured.origin, places, ".", color=colour)

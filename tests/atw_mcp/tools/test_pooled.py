@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
+from atw_mcp.cli import main
 from tests.atw_mcp.session import Session
 from tests.polyworld.sliding_block import block_places
 
@@ -52,3 +54,23 @@ def test_fitted_cases_pool_their_material(tmp_path: Path) -> None:
     assert high - low < 0.5 * (alone[1] - alone[0])
     committed = session("CommitWorld", case="long")["source"]["world"]
     assert committed not in (long["world"], pooled["world"])  # its own world of the study
+
+
+def test_motion_is_exported_beside_what_was_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    session, speed, frames = Session(tmp_path / "atw.db"), 1.2, 14
+    fitted(session, tmp_path, "long", speed, frames)
+    out = ["export", "long", "--store", str(tmp_path / "atw.db"), "--until", "0.8", "--motion"]
+    assert main([*out, str(tmp_path / "long.csv")]) == 0
+    with (tmp_path / "long.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["t"]) for row in rows] == pytest.approx(0.04 * np.arange(21))
+    assert [row["x_measured"] != "" for row in rows] == [True] * frames + [False] * (21 - frames)
+    true = block_places(FRICTION, speed, 21)[:, 0]
+    for row, x in zip(rows, true, strict=True):
+        low, high = float(row["x_low"]), float(row["x_high"])
+        assert low <= float(row["x"]) <= high
+        assert abs(float(row["x"]) - x) < 3.0 * (high - low)
+    assert main([*out, str(tmp_path / "long.svg")]) == 0
+    assert "<svg" in (tmp_path / "long.svg").read_text(encoding="utf-8")
+    assert main([*out, str(tmp_path / "long.xls")]) == 1
+    assert "use .csv, .svg, .png, .pdf" in capsys.readouterr().err
