@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -216,6 +217,8 @@ class _Fit:
             blocks.append(
                 Block(run.name, world, sample_times(world, part.tracks), readout, states, part.link, groups=part.groups)
             )
+        for before, after in itertools.pairwise(blocks):
+            before.after = after
         return blocks
 
     # -- report --------------------------------------------------------------------------------------------------
