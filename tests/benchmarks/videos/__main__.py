@@ -33,9 +33,9 @@ from atw_mcp.perception.agreement import by_agreement
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.video import load
-from tests.benchmarks.video_known import observe_as_known
-from tests.benchmarks.video_scores import ClipScore, score_masks
-from tests.benchmarks.video_seeds import Labels, observe_seeded
+from tests.benchmarks.videos.known import observe_as_known
+from tests.benchmarks.videos.scores import ClipScore, score_masks
+from tests.benchmarks.videos.seeds import Labels, observe_seeded
 
 Look = Callable[[Path, Labels, list[str]], ImageObservation]  # from a file, true labels and the bodies' names
 
@@ -158,7 +158,7 @@ def main() -> None:
         if chosen.clips is None:
             count = chosen.count or (QUICK if chosen.quick else COUNT)
             draw = [sys.executable, "-m", "tests.benchmarks.video_clips", "--out", made, "--seed", str(seed)]
-            subprocess.run([*draw, "--count", str(count), "--quiet"], check=True, cwd=Path(__file__).parents[2])
+            subprocess.run([*draw, "--count", str(count), "--quiet"], check=True, cwd=Path(__file__).parents[3])
         scores, rows = [], []
         for public in sorted((folder / "public").iterdir()):
             score, about = judge(public, folder / "private", chosen.pictures, look)

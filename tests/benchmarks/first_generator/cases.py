@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tests.benchmarks.hidden_design import DESIGNS, RESTITUTION, BallDesign
-from tests.benchmarks.hidden_laws import EFFECTS, Draw, Scenery
-from tests.benchmarks.hidden_observer import NoiseKind
-from tests.benchmarks.hidden_outside import OUTSIDE
-from tests.benchmarks.hidden_strength import LARGEST, SMALLEST, Strong, make_strong
+from tests.benchmarks.first_generator.design import DESIGNS, RESTITUTION, BallDesign
+from tests.benchmarks.first_generator.laws import EFFECTS, Draw, Scenery
+from tests.benchmarks.first_generator.observer import NoiseKind
+from tests.benchmarks.first_generator.outside import OUTSIDE
+from tests.benchmarks.first_generator.strength import LARGEST, SMALLEST, Strong, make_strong
 from tests.scenes.ball import UnusableCase
 
 NOISES = (0.001, 0.01, 0.03)
@@ -35,7 +35,7 @@ class Case:
     """section and index identify the case; draw: index of the physics, the same for all noise levels.
 
     effects: names, empty for none. bodies: how many the scene has. noise: standard deviation as a share of the path
-    scale (positions) and of a radian (turns). design, runs, rate: see `hidden_design`. turns: whether measured.
+    scale (positions) and of a radian (turns). design, runs, rate: see `design`. turns: whether measured.
     """
 
     section: str

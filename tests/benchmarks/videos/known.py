@@ -16,8 +16,8 @@ from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.tools.known_objects import bodies_of, corners_of
 from atw_mcp.tools.world_arguments import ObstacleArgument, ShapeArgument
-from tests.benchmarks.foresight_scene import DEFORMABLE, obstacles_of, shape_of
-from tests.benchmarks.video_seeds import Labels
+from tests.benchmarks.foresight.scene import DEFORMABLE, obstacles_of, shape_of
+from tests.benchmarks.videos.seeds import Labels
 
 Floats = NDArray[np.float64]
 

@@ -32,9 +32,9 @@ from polyworld.executors import (
     executor_from,
     print_progress,
 )
-from tests.benchmarks.foresight_draw import draw_all
-from tests.benchmarks.foresight_run import Answered, ClipRun, Ending, Source, run_clip
-from tests.benchmarks.foresight_scene import read_clips
+from tests.benchmarks.foresight.draw import draw_all
+from tests.benchmarks.foresight.run import Answered, ClipRun, Ending, Source, run_clip
+from tests.benchmarks.foresight.scene import read_clips
 
 COUNT, QUICK = 60, 10
 BINS = np.linspace(0.5, 1.0, 6)  # of the probability of the answer given
@@ -138,7 +138,7 @@ def main() -> None:
             draw_all(folder, seed, count)
         elif chosen.clips is None:
             draw = [sys.executable, "-m", "tests.benchmarks.video_clips", "--out", made, "--seed", str(seed)]
-            subprocess.run([*draw, "--count", str(count), "--quiet"], check=True, cwd=Path(__file__).parents[2])
+            subprocess.run([*draw, "--count", str(count), "--quiet"], check=True, cwd=Path(__file__).parents[3])
         clips = [c for c in read_clips(folder) if not chosen.only or c.name.startswith(tuple(chosen.only))]
         if chosen.quick or chosen.count:
             clips = clips[:count]

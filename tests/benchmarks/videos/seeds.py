@@ -13,7 +13,7 @@ from atw_mcp.perception.correction import correct
 from atw_mcp.perception.corrections import Outline
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import load
-from tests.benchmarks.video_scores import SEEN
+from tests.benchmarks.videos.scores import SEEN
 
 Labels = NDArray[np.uint8]
 Seeded = Literal["box", "outline"]

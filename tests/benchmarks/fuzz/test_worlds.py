@@ -6,9 +6,9 @@ import pytest
 
 from polyworld.solver.rollout import rollout
 from polyworld.world import World
-from tests.benchmarks.fuzz_checks import energy_excess
-from tests.benchmarks.fuzz_scenes import KINDS, fuzz
-from tests.benchmarks.fuzz_worlds import run
+from tests.benchmarks.fuzz.checks import energy_excess
+from tests.benchmarks.fuzz.scenes import KINDS, fuzz
+from tests.benchmarks.fuzz.worlds import run
 
 QUICK = ("planar_rigid", "piles", "jointed", "overlapping", "ropes")
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.hidden_closed_form import left_after_refit
-from tests.benchmarks.hidden_design import BallDesign
-from tests.benchmarks.hidden_laws import Drawn
-from tests.benchmarks.hidden_observer import Fault
+from tests.benchmarks.first_generator.closed_form import left_after_refit
+from tests.benchmarks.first_generator.design import BallDesign
+from tests.benchmarks.first_generator.laws import Drawn
+from tests.benchmarks.first_generator.observer import Fault
 from tests.scenes.ball import Ball, Path, UnusableCase, fly
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tests.benchmarks.hidden_laws import Draw, Drawn, Scenery, unit, with_force
+from tests.benchmarks.first_generator.laws import Draw, Drawn, Scenery, unit, with_force
 from tests.scenes.ball import Ball
 
 Array = NDArray[np.float64]

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from tests.benchmarks.hidden_cases import Hidden
-from tests.benchmarks.hidden_design import GRAVITY, RESTITUTION
-from tests.benchmarks.hidden_observer import Fault, noisy
-from tests.benchmarks.hidden_strength import flights, hidden_world
+from tests.benchmarks.first_generator.cases import Hidden
+from tests.benchmarks.first_generator.design import GRAVITY, RESTITUTION
+from tests.benchmarks.first_generator.observer import Fault, noisy
+from tests.benchmarks.first_generator.strength import flights, hidden_world
 from tests.scenes.ball import Path as Motion
 
 

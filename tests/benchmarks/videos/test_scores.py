@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.benchmarks.video_scores import score_masks
+from tests.benchmarks.videos.scores import score_masks
 
 
 def scene() -> np.ndarray:

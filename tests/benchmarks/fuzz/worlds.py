@@ -1,6 +1,6 @@
 """Roll hundreds of random worlds of all materials out: none may crash, go wrong in silence, or take the others along.
 
-    python -m tests.benchmarks.fuzz_worlds [--count 300] [--seed 0] [--only SEED] [--kind NAME] [--processes 2]
+    python -m tests.benchmarks.fuzz.worlds [--count 300] [--seed 0] [--only SEED] [--kind NAME] [--processes 2]
 
 Prints outcomes by kind, and every failure with its seed; `--only SEED` runs one again. Ends with status 1 after a
 failure. A world diverges where that is stated, is refused where the reason names what to do, and fails where it
@@ -31,8 +31,8 @@ from polyworld.solver.rollout import rollout, sampled_times, simulator
 from polyworld.trajectory import Trajectory
 from polyworld.world import World
 from polyworld.world.parameters import parameter_paths, read_parameter, with_parameters
-from tests.benchmarks.fuzz_checks import energy_excess, not_finite
-from tests.benchmarks.fuzz_scenes import KINDS, Draw, Fuzz, fuzz
+from tests.benchmarks.fuzz.checks import energy_excess, not_finite
+from tests.benchmarks.fuzz.scenes import KINDS, Draw, Fuzz, fuzz
 
 SECONDS = 30.0  # after which a world is stopped
 GRACE = 10.0  # [s] more, after which its process is ended

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from atw_mcp.server import build_server
 from tests.benchmarks.clevrer_tools import Caller
-from tests.benchmarks.foresight_edits import Inexpressible, edits_of, question_of
-from tests.benchmarks.foresight_scene import Clip, shape_of, surroundings, true_tracks, video_arguments
+from tests.benchmarks.foresight.edits import Inexpressible, edits_of, question_of
+from tests.benchmarks.foresight.scene import Clip, shape_of, surroundings, true_tracks, video_arguments
 
 Floats = NDArray[np.float64]
 Source = Literal["video", "tracks"]

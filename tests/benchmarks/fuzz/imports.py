@@ -1,4 +1,4 @@
-"""Random small files of MJCF, URDF and USD, imported: `python -m tests.benchmarks.fuzz_imports [COUNT] [FIRST]`.
+"""Random small files of MJCF, URDF and USD, imported: `python -m tests.benchmarks.fuzz.imports [COUNT] [FIRST]`.
 
 COUNT (1000) files from the seed FIRST (0) on, each in a confined process of its own. None may take more than 10 s of
 processor time or 1 GB: the reader answers, refuses, or is ended. Both are watched from outside, every few milliseconds,

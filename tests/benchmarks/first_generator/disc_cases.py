@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.hidden_cases import Case
-from tests.benchmarks.hidden_laws import unit
-from tests.benchmarks.hidden_observer import Fault, noisy
+from tests.benchmarks.first_generator.cases import Case
+from tests.benchmarks.first_generator.laws import unit
+from tests.benchmarks.first_generator.observer import Fault, noisy
 from tests.scenes.ball import Patch, UnusableCase
 from tests.scenes.discs import Discs, Started, slide
 
@@ -50,7 +50,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class DiscEffect:
-    """One effect without its strength; see `hidden_laws.Drawn`."""
+    """One effect without its strength; see `laws.Drawn`."""
 
     name: str
     apply: Callable[[Discs, float], Discs]

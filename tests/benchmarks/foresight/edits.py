@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.foresight_scene import Clip, tool_name
+from tests.benchmarks.foresight.scene import Clip, tool_name
 
 Floats = NDArray[np.float64]
 

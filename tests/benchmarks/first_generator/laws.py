@@ -2,7 +2,7 @@
 
 Nothing here is shared with the engine. Each function draws what an effect has besides its strength (direction, place,
 frequency) and says how a strength puts it into the ball's laws, or into what the observer reports. Strengths are set by
-`hidden_strength`, so that every effect moves the launches by a like amount.
+`strength`, so that every effect moves the launches by a like amount.
 """
 
 # ruff: noqa: ARG001, ARG005  (every law has the same arguments and uses some)
@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.hidden_observer import Fault
+from tests.benchmarks.first_generator.observer import Fault
 from tests.scenes.ball import Ball, Patch, Plane, UnusableCase
 
 Array = NDArray[np.float64]

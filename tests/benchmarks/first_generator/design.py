@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.hidden_closed_form import base_positions
+from tests.benchmarks.first_generator.closed_form import base_positions
 from tests.scenes.ball import Ball, Launch
 
 Array = NDArray[np.float64]

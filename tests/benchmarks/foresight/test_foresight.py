@@ -13,10 +13,10 @@ from polyworld.edits.interventions import Intervention, branch
 from polyworld.world import World
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Sphere
-from tests.benchmarks.foresight import calibration_error
-from tests.benchmarks.foresight_edits import edits_of
-from tests.benchmarks.foresight_run import Answered
-from tests.benchmarks.foresight_scene import Clip, video_arguments
+from tests.benchmarks.foresight.__main__ import calibration_error
+from tests.benchmarks.foresight.edits import edits_of
+from tests.benchmarks.foresight.run import Answered
+from tests.benchmarks.foresight.scene import Clip, video_arguments
 
 
 def answers(pairs: list[tuple[float, bool]]) -> list[Answered]:
