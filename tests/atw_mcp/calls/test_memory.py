@@ -62,7 +62,7 @@ print(resident_bytes() - before)
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the system does not say what a process uses")
-@pytest.mark.parametrize("films", [4, pytest.param(20, marks=pytest.mark.benchmark)])
+@pytest.mark.parametrize("films", [2, pytest.param(20, marks=pytest.mark.benchmark)])
 def test_memory_is_given_back_after_every_film(films: int, tmp_path: Path) -> None:
     film = tmp_path / "film.mp4"
     writer = cv2.VideoWriter(str(film), cv2.VideoWriter.fourcc(*"mp4v"), 30, (WIDTH, HEIGHT))
@@ -95,10 +95,10 @@ GROWTH = 150_000_000  # bytes: twice what 20 films were seen to leave, and a fif
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the system does not say what a process uses")
-@pytest.mark.parametrize("films", [3, pytest.param(20, marks=pytest.mark.benchmark)])
-def test_a_server_that_models_many_films_does_not_grow_with_them(films: int, tmp_path: Path) -> None:
+@pytest.mark.benchmark  # few films could not grow so far
+def test_a_server_that_models_many_films_does_not_grow_with_them(tmp_path: Path) -> None:
     """The first film loads the kernels; those after it differ in where the ball goes."""
-    paths = [str(tmp_path / f"film{number}.mp4") for number in range(films)]
+    paths = [str(tmp_path / f"film{number}.mp4") for number in range(20)]
     for number, path in enumerate(paths):
         writer = cv2.VideoWriter(path, cv2.VideoWriter.fourcc(*"mp4v"), 30, (320, 240))
         for t in np.arange(30) / 30:

@@ -17,6 +17,7 @@ from tests.real_data import FOLDER, needs
 BALL = {"kind": "sphere", "radius": 0.09}  # 9 px at 100 px a metre
 LENGTH = {"first_pixel": [20, 60], "second_pixel": [120, 60], "length": 1.0, "view": "top"}
 QUICK = {"method": "least_squares"}
+PLANAR = {"representation": "planar"}  # else a spatial world is fitted beside it
 PAIR = [{"name": "left", "color": "red", "shape": BALL, "mass": 1.0}, {"name": "right", "color": "blue", "shape": BALL}]
 
 
@@ -34,8 +35,15 @@ def modelled(session: Session, **arguments: Any) -> dict[str, Any]:
     return session("ModelVideo", **{"known_length": LENGTH, "fit": QUICK, "patience_seconds": 300, **arguments})
 
 
-def test_a_video_becomes_a_committed_world_and_an_answer_in_four_calls(session: Session, clip: str) -> None:
-    made = modelled(session, video=clip, objects=PAIR)
+@pytest.fixture(scope="module")
+def discs(clip: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, dict[str, Any]]:
+    """A session in which two discs that collide were modelled, and the result."""
+    session = Session(tmp_path_factory.mktemp("discs") / "atw.db")
+    return session, modelled(session, video=clip, objects=PAIR, seconds_per_frame=0.05)
+
+
+def test_a_video_becomes_a_committed_world_and_an_answer_in_four_calls(discs: tuple[Session, dict[str, Any]]) -> None:
+    session, made = discs
     case, data = made["case"], made["data"]
     assert data["found_by_colour_and_size"] == ["left", "right"]
     assert data["verdict"].startswith("follows")
@@ -56,8 +64,10 @@ def test_a_video_becomes_a_committed_world_and_an_answer_in_four_calls(session: 
     assert session("QueryWorld", rollout=rolled["data"]["rollout"], predicate=asked)["data"]["verdict"] == "true"
 
 
-def test_each_step_is_evidence_of_its_own_tool_and_known_values_are_not_fitted(session: Session, clip: str) -> None:
-    made = modelled(session, video=clip, objects=PAIR, seconds_per_frame=0.05)
+def test_each_step_is_evidence_of_its_own_tool_and_known_values_are_not_fitted(
+    discs: tuple[Session, dict[str, Any]],
+) -> None:
+    session, made = discs
     tools = []
     for step in made["data"]["steps"]:
         record = session("ReadEvidence", evidence=step["evidence"])
@@ -78,25 +88,26 @@ def test_each_step_is_evidence_of_its_own_tool_and_known_values_are_not_fitted(s
 
 
 def test_a_video_of_which_no_object_is_known_is_modelled_as_observed(session: Session, clip: str) -> None:
-    made = modelled(session, video=clip)
+    made = modelled(session, video=clip, build=PLANAR)
     assert set(made["objects"]) == {"red_sphere", "blue_sphere"}
     assert not any("could not be looked for" in doubt for doubt in made["data"]["doubts"])
 
 
 def test_what_is_not_listed_is_left_out_or_modelled_and_said(session: Session, clip: str) -> None:
-    made = modelled(session, video=clip, objects=[PAIR[0], {"name": "ghost", "color": "green", "shape": BALL}])
+    made = modelled(session, video=clip, build=PLANAR,
+                    objects=[PAIR[0], {"name": "ghost", "color": "green", "shape": BALL}])  # fmt: skip
     assert made["data"]["unseen_objects"] == ["ghost"]
     (row,) = made["data"]["unlisted_tracks"]
     assert (row["track"], row["moves"]) == ("blue_sphere", True)
     assert made["objects"] == ["left"]
-    both = modelled(session, case=made["case"], objects=[PAIR[0]], unlisted="model")
+    both = modelled(session, case=made["case"], objects=[PAIR[0]], unlisted="model", build=PLANAR)
     assert set(both["objects"]) == {"left", "blue_sphere"}
-    everything = modelled(session, case=made["case"], unlisted="model")
+    everything = modelled(session, case=made["case"], unlisted="model", build=PLANAR)
     assert set(everything["objects"]) == {"left", "blue_sphere"}
 
 
 def test_a_failed_step_is_named_with_its_cure_and_the_next_call_goes_on(session: Session, clip: str) -> None:
-    asked = {"video": clip, "objects": PAIR, "known_length": LENGTH, "patience_seconds": 300}
+    asked = {"video": clip, "objects": PAIR, "known_length": LENGTH, "build": PLANAR, "patience_seconds": 300}
     wrong = {**QUICK, "parameters": [{"paths": ["objects.nobody.mass"], "lower": 1, "upper": 2}]}
     failed = session._call("ModelVideo", {**asked, "fit": wrong})
     text = failed.content[0].text
@@ -106,15 +117,15 @@ def test_a_failed_step_is_named_with_its_cure_and_the_next_call_goes_on(session:
     (case,) = (row[0] for row in session.store_rows("SELECT id FROM cases"))
     record = session("ReadEvidence", evidence=text.rsplit("(evidence ", 1)[1].rstrip(")"))
     assert (record["status"], record["data"]["failed_step"]) == ("failed", "FitWorld")
-    made = session("ModelVideo", case=case, objects=PAIR, fit=QUICK, patience_seconds=300)
+    made = session("ModelVideo", case=case, objects=PAIR, build=PLANAR, fit=QUICK, patience_seconds=300)
     assert [step["tool"] for step in made["data"]["steps"]][:2] == ["BuildWorld", "FitWorld"]
 
 
 def test_a_next_call_keeps_what_was_known(session: Session, clip: str) -> None:
-    first = modelled(session, video=clip, objects=PAIR, seconds_per_frame=0.05, build={"representation": "planar"})
+    first = modelled(session, video=clip, objects=PAIR, seconds_per_frame=0.05, build=PLANAR)
     case = first["case"]
-    for _ in range(2):  # also over a call that kept them itself
-        again = session("ModelVideo", case=case, build={"representation": "spatial"}, fit=QUICK, patience_seconds=300)
+    for build in ({"representation": "spatial"}, PLANAR):  # also over a call that kept them itself
+        again = session("ModelVideo", case=case, build=build, fit=QUICK, patience_seconds=300)
         assert "objects as in ev-" in again["data"]["kept"]
         assert "seconds_per_frame as in ev-" in again["data"]["kept"]
         mass = session("ReadProperty", case=case, world=again["data"]["world"], property="mass", objects=["left"])
@@ -190,7 +201,7 @@ def test_a_clevrer_video_is_modelled_with_its_objects_distinguished(session: Ses
         seconds_per_frame=0.028,
         calibrate={"homography": plane["H"], "plane_z": 0.2},
         known_length=None,
-        build={"representation": "planar"},  # which object is which is asked here; in space the fit takes minutes
+        build=PLANAR,  # which object is which is asked here; in space the fit takes minutes
         fit={"last_frame": 50},
     )
     tracks = {match["object"]: match["track"] for match in made["data"]["matches"]}

@@ -36,29 +36,30 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def calibrated(session: Session, clip: Path) -> str:
+@pytest.fixture(scope="module")
+def calibrated(clip: Path) -> tuple[Session, str]:
+    """A session and its case, observed and with a camera."""
+    session = Session(clip.with_name("atw.db"))
     case: str = session("OpenCase", video=str(clip))["case"]
     session("ObserveObjects", case=case)
     length = {"first_pixel": [100, 330], "second_pixel": [250, 330], "length": 1.0, "view": "side"}
     session("CalibrateCamera", case=case, known_length=length)
-    return case
+    return session, case
 
 
-def test_restitution_of_a_filmed_bounce_is_recovered(tmp_path: Path, clip: Path) -> None:
-    session = Session(tmp_path / "atw.db")
-    case = calibrated(session, clip)
+def test_restitution_of_a_filmed_bounce_is_recovered(calibrated: tuple[Session, str]) -> None:
+    session, case = calibrated
     floor = (359.5 - FLOOR_ROW) / PIXELS_PER_METRE  # z = 0 is the lower edge of the image
     smooth = [{"name": "red_sphere", "friction": 0.0}]
     built = session("BuildWorld", case=case, seconds_per_frame=FRAME, floor=floor, objects=smooth)
     assert built["data"]["statics"] == ["floor"]
-    fitted = session("FitWorld", case=case, patience_seconds=300)
+    fitted = session("FitWorld", case=case, world=built["data"]["world"], patience_seconds=300)
     values = {value["name"]: value["value"] for value in fitted["data"]["values"]}
     assert fitted["data"]["position_rmse"] < 0.01
     assert values["restitution of red_sphere"] == pytest.approx(RESTITUTION, abs=0.01)
 
 
-def test_side_view_without_a_floor_says_so(tmp_path: Path, clip: Path) -> None:
-    session = Session(tmp_path / "atw.db")
-    case = calibrated(session, clip)
+def test_side_view_without_a_floor_says_so(calibrated: tuple[Session, str]) -> None:
+    session, case = calibrated
     built = session("BuildWorld", case=case, seconds_per_frame=FRAME)
     assert any("no floor" in note for note in built["data"]["assumed"])

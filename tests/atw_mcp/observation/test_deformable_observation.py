@@ -98,7 +98,7 @@ def test_a_rope_in_a_video_is_noticed_measured_built_and_fitted(session: Session
         known_length={"first_pixel": list(ORIGIN), "second_pixel": [ORIGIN[0] + SCALE, ORIGIN[1]], "length": 1.0},
     )
     parts = [{**PARTS[0], "name": name}, {**PARTS[1], "object": name}]
-    built = session("BuildWorld", case=case, parts=parts, substep=0.002)
+    built = session("BuildWorld", case=case, parts=parts, substep=0.004)
     fitted = session(
         "FitWorld",
         case=case,
@@ -127,7 +127,7 @@ def test_measured_points_join_the_tracks_and_are_fitted(session: Session, tmp_pa
     )
     assert "1 shapes of cord" in read["summary"]
     assert read["data"]["shapes"][0]["readout"] == "centreline"
-    built = session("BuildWorld", case=case, parts=PARTS, floor="none", substep=0.002, representation="planar")
+    built = session("BuildWorld", case=case, parts=PARTS, floor="none", substep=0.004, representation="planar")
     fitted = session(
         "FitWorld",
         case=case,

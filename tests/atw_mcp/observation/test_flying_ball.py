@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ from tests.atw_mcp.perception.test_flight import BALL, CAMERA, FRAME, HEIGHT, WI
 from tests.atw_mcp.session import Session
 
 RESTITUTION = 0.7
+KNOWN = {"name": "ball", "shape": {"kind": "sphere", "radius": BALL.radius}}
 PATH = bouncing(30, np.array([-0.9, 0.4, 0.7]), np.array([1.5, -0.3, 1.2]), RESTITUTION)
 PLACES = [[x, y, 0.0] for x in (-1.0, 0.0, 1.0) for y in (-0.6, 0.8)] + [
     [-1.0, 1.2, 0.9],
@@ -39,11 +41,19 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(file)
 
 
-def test_a_thrown_ball_is_followed_through_the_air_and_its_rebound_is_found(tmp_path: Path, clip: str) -> None:
-    session = Session(tmp_path / "atw.db")
+@pytest.fixture(scope="module")
+def modelled(clip: str) -> tuple[Session, dict[str, Any]]:
+    """A session in which the throw was modelled, and the result."""
+    session = Session(Path(clip).with_name("atw.db"))
     points = [{"world": place, "pixel": CAMERA.project(np.array(place)).tolist()} for place in PLACES]
-    ball = {"name": "ball", "color": "red", "shape": {"kind": "sphere", "radius": BALL.radius}}
-    made = session("ModelVideo", video=clip, objects=[ball], points=points, patience_seconds=300)
+    return session, session("ModelVideo", video=clip, objects=[{**KNOWN, "color": "red"}], points=points,
+                            patience_seconds=300)  # fmt: skip
+
+
+def test_a_thrown_ball_is_followed_through_the_air_and_its_rebound_is_found(
+    modelled: tuple[Session, dict[str, Any]],
+) -> None:
+    session, made = modelled
     data = made["data"]
     assert data["verdict"].startswith("follows")
     built = next(step for step in data["steps"] if step["tool"] == "BuildWorld")
@@ -63,15 +73,11 @@ def test_a_thrown_ball_is_followed_through_the_air_and_its_rebound_is_found(tmp_
     assert found["ball"] == pytest.approx(RESTITUTION, abs=0.08)
 
 
-def test_a_velocity_given_for_an_object_that_is_tracked_is_said_not_to_be_used(tmp_path: Path, clip: str) -> None:
-    session = Session(tmp_path / "atw.db")
-    case = session("OpenCase", video=clip)["case"]
-    session("ObserveObjects", case=case)
-    points = [{"world": place, "pixel": CAMERA.project(np.array(place)).tolist()} for place in PLACES]
-    session("CalibrateCamera", case=case, points=points)
-    (name,) = session("BuildWorld", case=case, default_shape={"kind": "sphere", "radius": BALL.radius})["objects"]
-    ball = {"name": name, "shape": {"kind": "sphere", "radius": BALL.radius}, "velocity": [9.0, 0.0, 0.0]}
-    built = session("BuildWorld", case=case, objects=[ball])["data"]
-    assert f"velocity given for {name}: not used, it begins as its track does" in built["assumed"]
+def test_a_velocity_given_for_an_object_that_is_tracked_is_said_not_to_be_used(
+    modelled: tuple[Session, dict[str, Any]],
+) -> None:
+    session, made = modelled
+    built = session("BuildWorld", case=made["case"], objects=[{**KNOWN, "velocity": [9.0, 0.0, 0.0]}])["data"]
+    assert "velocity given for ball: not used, it begins as its track does" in built["assumed"]
     np.testing.assert_allclose(built["objects"][0]["velocity"], [1.5, -0.3, 1.2], atol=0.4)
     assert (built["representation"], built["objects"][0]["position"][2]) == ("spatial", pytest.approx(0.7, abs=0.1))

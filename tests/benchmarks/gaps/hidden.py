@@ -10,19 +10,19 @@ import numpy as np
 
 from polyworld.data.recording import Recording, Run
 from polyworld.world import World
-from tests.benchmarks import hidden_cases
+from tests.benchmarks.first_generator import cases as first_cases
+from tests.benchmarks.first_generator.cases import ON_PLANE, SECTIONS, draw_hidden
+from tests.benchmarks.first_generator.disc_cases import draw_discs
+from tests.benchmarks.first_generator.generate import observed_runs, world_json
+from tests.benchmarks.first_generator.outside import OUTSIDE
 from tests.benchmarks.gaps.case import NOTHING, Case, Names, noncentrality
-from tests.benchmarks.hidden_cases import ON_PLANE, SECTIONS, draw_hidden
-from tests.benchmarks.hidden_disc_cases import draw_discs
-from tests.benchmarks.hidden_generate import observed_runs, world_json
-from tests.benchmarks.hidden_outside import OUTSIDE
 
 REPEATED = {"two_effects": 20, "poor_designs": 3}  # of sections whose draws differ in more than numbers
 CORRELATION = {"ar1": 0.9}
 
 
 @cache
-def _plans() -> tuple[hidden_cases.Case, ...]:
+def _plans() -> tuple[first_cases.Case, ...]:
     """Return the cases of each section, once for all levels of noise."""
     cases = [c for name, section in SECTIONS.items() for c in section(REPEATED.get(name, 1))]
     return tuple({(c.section, c.draw, c.effects, c.kind, c.design): c for c in reversed(cases)}.values())[::-1]
@@ -55,7 +55,7 @@ def drawn(index: int, level: float, seed: int) -> Case:
         outside,
         level,
         Recording(tuple(Run(n, names, *columns) for n, *columns in held_out)),
-        alike=hidden_cases.alike(plan.section),
+        alike=first_cases.alike(plan.section),
         noncentrality=noncentrality(size, rows, CORRELATION.get(plan.kind, 0.0)),
         numbers={e["name"]: e["numbers"] for e in effects},
         places={e["name"]: e["place"] for e in effects if e["place"]},
@@ -65,14 +65,14 @@ def drawn(index: int, level: float, seed: int) -> Case:
 Drawn = tuple[tuple[str, ...], dict[str, Any], list[Any], list[Any], list[dict[str, Any]]]
 
 
-def _discs(plan: hidden_cases.Case, seed: int, rng: np.random.Generator) -> Drawn:
+def _discs(plan: first_cases.Case, seed: int, rng: np.random.Generator) -> Drawn:
     discs = draw_discs(plan, seed)
     fitted = discs.runs(rng, range(plan.runs))
     held_out = discs.runs(rng, range(plan.runs, len(discs.scene.starts)))
     return tuple(discs.names), discs.world_json(), fitted, held_out, discs.effects
 
 
-def _ball(plan: hidden_cases.Case, seed: int, rng: np.random.Generator) -> Drawn:
+def _ball(plan: first_cases.Case, seed: int, rng: np.random.Generator) -> Drawn:
     hidden = draw_hidden(plan, seed)
     count = hidden.design.fitted
     fitted = observed_runs(hidden, rng, range(count))

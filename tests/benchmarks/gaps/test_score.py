@@ -9,11 +9,11 @@ import pytest
 
 from polyworld.data.recording import Recording
 from polyworld.world import World
+from tests.benchmarks.first_generator.cases import alike
 from tests.benchmarks.gaps import hidden
 from tests.benchmarks.gaps.case import NEEDED, NOTHING, Case, Names, ball, noncentrality, one_body
 from tests.benchmarks.gaps.place import overlap
 from tests.benchmarks.gaps.score import outcome, table
-from tests.benchmarks.hidden_cases import alike
 
 Recorded = tuple[str, ...]
 

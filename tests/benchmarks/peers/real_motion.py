@@ -26,10 +26,9 @@ from polyworld.estimation.noise import run_noise
 from polyworld.estimation.readout import CHANNELS
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapSettings
-from polyworld.gap.fitting import Fitted
-from polyworld.gap.ground import Ground
+from polyworld.gap.fitting import Fitted, fit
+from polyworld.gap.ground import Ground, ground_of
 from polyworld.gap.hypothesis import Hypothesis
-from polyworld.gap.sealed import settled
 from polyworld.world import Effect, World
 from polyworld.world.parameters import with_parameters
 from tests import real_data
@@ -110,8 +109,13 @@ def engine(name: str, world: World, unknowns: Sequence[Unknown], fitted: Recordi
 
 def _fit(world: World, unknowns: tuple[Unknown, ...], recording: Recording) -> tuple[Array, float, float]:
     """Return values, RMSE [m] of positions, and the noise [m]."""
-    found = settled(world, recording, unknowns)
+    found = _settled(world, recording, unknowns)
     return found.values, *_in_metres(found)
+
+
+def _settled(world: World, recording: Recording, unknowns: tuple[Unknown, ...] = ()) -> Fitted:
+    """Fit initial states, and shared unknowns if any."""
+    return fit(ground_of(world, recording, GapSettings()), Hypothesis(world, unknowns), growing=True)
 
 
 def _in_metres(found: Fitted, split: Sequence[float] | None = None, late: bool = False) -> tuple[float, float]:
@@ -262,7 +266,7 @@ def tosses() -> list[Score]:
     free, flights = real_data.cube_flight(numbers)
     world, whole = real_data.cube_toss(numbers)
     began = time.process_time()
-    flown = settled(free, flights)
+    flown = _settled(free, flights)
     ground = Ground(world, whole, GapSettings(), run_noise(whole.runs))
     problem = ground.problem(Hypothesis(world))
     at = Point(np.zeros(0), flown.point.states)

@@ -1,0 +1,1 @@
+"""Perception of rendered clips, scored against true masks: see `__main__`."""
