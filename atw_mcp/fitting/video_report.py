@@ -18,9 +18,9 @@ CLOSE = 2.0  # ratio of errors up to which the world that was passed over is wor
 MATCHING = "matching"
 VALUE = ("name", "value", "unit", "interval80", "prior80", "from_prior", "at_bound")
 VERDICTS = {
-    "follows": "follows the video",
-    "follows_with_doubts": "follows the video, with doubts",
-    "does_not_follow": "does not follow the video",
+    "good": "follows the video",
+    "doubtful": "follows the video, with doubts",
+    "poor": "does not follow the video",
 }
 
 
@@ -45,7 +45,7 @@ def fit_report(app: App, case: Case, fitted: Step, steps: Steps, model: VideoMod
     world = fitted.evidence.world
     doubts = _doubts(steps, fitted, model)
     off = [error for error in model.errors if not error.follows]
-    verdict = "does_not_follow" if off or model.diverged else "follows_with_doubts" if doubts else "follows"
+    verdict = "poor" if off or model.diverged else "doubtful" if doubts else "good"
     pooled = sharing(app, case, world, fitted.data["values"])
     worst = model.errors[0] if model.errors else None
     size = "" if worst is None else f"; worst {worst.object}: {_error(worst)}"
@@ -114,7 +114,7 @@ def _next(case: Case, steps: Steps, model: VideoModel, world: str | None, verdic
         seed = f"{{kind: 'outline', object: {unseen[0]!r}, frame: ..., points: [[u, v], ...], add: true}}"
         return f"InspectFrames(case={case.id!r}), ObserveObjects(case={case.id!r}, corrections=[{seed}]), then {again}"
     look = f"InspectRollout(case={case.id!r}, world={world!r})"
-    if verdict == "does_not_follow":
+    if verdict == "poor":
         return f"{look} to look; {_correction(case, steps, 'FitWorld')}"
     both = "" if model.other is None or model.other[1] > CLOSE else f" of both: worlds=[{world!r}, {model.other[0]!r}]"
     return f"{look} to look, then {pooled}CommitWorld(case={case.id!r}, world={world!r}) and Ask{both}"
