@@ -3,25 +3,38 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 SIZE = (160, 120)
 FRAMES = 24
 
 
-def write_clip(path: Path, frames: int = FRAMES) -> Path:
-    """An MP4 of a red and a blue disc that move towards each other on a grey ground."""
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), 25.0, SIZE)
-    for t in range(frames):
-        image = np.full((SIZE[1], SIZE[0], 3), 150, dtype=np.uint8)
-        cv2.circle(image, (25 + 2 * t, 60), 9, (40, 40, 200), -1, cv2.LINE_AA)
-        cv2.circle(image, (135 - 2 * t, 62), 9, (200, 60, 40), -1, cv2.LINE_AA)
-        writer.write(image)
+def write_film(path: Path, frames: Iterable[NDArray[Any]], *, rate: float = 25.0, code: str = "mp4v") -> Path:
+    """A video of frames (H, W, 3), clipped to bytes."""
+    writer: cv2.VideoWriter | None = None
+    for frame in frames:
+        writer = writer or cv2.VideoWriter(
+            str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*code), rate, (frame.shape[1], frame.shape[0])
+        )
+        writer.write(np.clip(frame, 0, 255).astype(np.uint8))
+    assert writer is not None
     writer.release()
     return path
+
+
+def write_clip(path: Path, frames: int = FRAMES) -> Path:
+    """An MP4 of a red and a blue disc that move towards each other on a grey ground."""
+    images = np.full((frames, SIZE[1], SIZE[0], 3), 150, dtype=np.uint8)
+    for t, image in enumerate(images):
+        cv2.circle(image, (25 + 2 * t, 60), 9, (40, 40, 200), -1, cv2.LINE_AA)
+        cv2.circle(image, (135 - 2 * t, 62), 9, (200, 60, 40), -1, cv2.LINE_AA)
+    return write_film(path, images)
 
 
 def write_tracks(path: Path, *, speed: float = 1.0, friction: float = 0.2, step: float = 0.04, count: int = 30) -> Path:

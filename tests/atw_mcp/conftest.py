@@ -7,6 +7,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import nullcontext
+from pathlib import Path
 
 import pytest
 
@@ -14,10 +15,17 @@ from atw_mcp import server_process
 from atw_mcp.calls import result_schemas
 from atw_mcp.calls.files import VARIABLE
 from atw_mcp.server import build_server
+from tests.atw_mcp.session import Session
 from tests.real_data import FOLDER
 
 # Files of tests lie where pytest makes them, and measured data beside the repository.
 os.environ.setdefault(VARIABLE, os.pathsep.join([tempfile.gettempdir(), str(FOLDER)]))
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Session:
+    """A session on a store of its own."""
+    return Session(tmp_path / "atw.db")
 
 
 @pytest.fixture

@@ -31,15 +31,6 @@ from tests.atw_mcp import stdio_process
 from tests.atw_mcp.connections import REPOSITORY, connection
 
 
-@pytest.fixture
-def store(tmp_path: Path) -> Path:
-    path = tmp_path / "atw.db"
-    created = EvidenceStore(path)
-    created.cases.add("c", content="x", kind="data", path="/x", facts={})
-    created.close()
-    return path
-
-
 @pytest.fixture(autouse=True)
 def with_slow_tool(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "GROUPS", (*server.GROUPS, stdio_process.SLOW))

@@ -11,6 +11,8 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.atw_mcp.clips import write_film
+
 FRAMES, WIDTH, HEIGHT = 40, 1920, 1080
 DECODED = 3 * FRAMES * WIDTH * HEIGHT  # bytes: 0.25 GB
 
@@ -64,11 +66,7 @@ print(resident_bytes() - before)
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the system does not say what a process uses")
 @pytest.mark.parametrize("films", [2, pytest.param(20, marks=pytest.mark.benchmark)])
 def test_memory_is_given_back_after_every_film(films: int, tmp_path: Path) -> None:
-    film = tmp_path / "film.mp4"
-    writer = cv2.VideoWriter(str(film), cv2.VideoWriter.fourcc(*"mp4v"), 30, (WIDTH, HEIGHT))
-    for k in range(FRAMES):
-        writer.write(np.full((HEIGHT, WIDTH, 3), 60 + k, np.uint8))
-    writer.release()
+    film = write_film(tmp_path / "film.mp4", (np.full((HEIGHT, WIDTH, 3), 60 + k, np.uint8) for k in range(FRAMES)))
     arguments = [str(film), str(tmp_path / "atw.db"), str(films)]
     done = subprocess.run([sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, check=True)
     assert int(done.stdout.splitlines()[-1]) < 0.2 * DECODED

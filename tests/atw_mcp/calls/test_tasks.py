@@ -28,15 +28,6 @@ from tests.atw_mcp.task_client import Tasks, Wire, ask, call, offering, settled
 LONG = {"case": "c", "seconds": 60, "patience_seconds": 30}
 
 
-@pytest.fixture
-def store(tmp_path: Path) -> Path:
-    path = tmp_path / "atw.db"
-    created = EvidenceStore(path)
-    created.cases.add("c", content="x", kind="data", path="/x", facts={})
-    created.close()
-    return path
-
-
 @pytest.fixture(autouse=True)
 def with_made_up_tools(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "GROUPS", (*server.GROUPS, stdio_process.SLOW, task_tools.TASKS))

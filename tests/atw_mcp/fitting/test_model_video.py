@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import anyio
@@ -19,11 +18,6 @@ LENGTH = {"first_pixel": [20, 60], "second_pixel": [120, 60], "length": 1.0, "vi
 QUICK = {"method": "least_squares"}
 PLANAR = {"representation": "planar"}  # else a spatial world is fitted beside it
 PAIR = [{"name": "left", "color": "red", "shape": BALL, "mass": 1.0}, {"name": "right", "color": "blue", "shape": BALL}]
-
-
-@pytest.fixture
-def session(tmp_path: Path) -> Session:
-    return Session(tmp_path / "atw.db")
 
 
 @pytest.fixture(scope="module")

@@ -140,8 +140,3 @@ def test_a_value_that_the_data_want_beyond_its_bound_is_at_the_bound(session: Se
         at_bound.append(value["at_bound"])
         assert value["value"] == pytest.approx(min(0.23, upper), abs=0.01)
     assert at_bound == [True, False]
-
-
-@pytest.fixture
-def session(tmp_path: Path) -> Session:
-    return Session(tmp_path / "atw.db")

@@ -21,11 +21,6 @@ SCALE, ORIGIN, SIZE, STEP, FRAMES = 200.0, (160.0, 30.0), (320, 240), 0.04, 20
 DAMPING = 0.9
 
 
-@pytest.fixture
-def session(tmp_path: Path) -> Session:
-    return Session(tmp_path / "atw.db")
-
-
 @lru_cache
 def swinging() -> Array:
     """Points (T, k, 3) of a rope hung at the origin that was let go sideways."""

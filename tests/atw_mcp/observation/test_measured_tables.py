@@ -18,11 +18,6 @@ FILM = 1.0 / 60.0
 BALL = {"name": "ball", "shape": {"kind": "sphere", "radius": 0.02}, "position": [0.0, 0.0, 1.0], "mass": 0.1}
 
 
-@pytest.fixture
-def session(tmp_path: Path) -> Session:
-    return Session(tmp_path / "atw.db")
-
-
 def opened(session: Session, tmp_path: Path, name: str) -> dict[str, str]:
     """Case and path of a copy of an input that the server may read."""
     path = tmp_path / name

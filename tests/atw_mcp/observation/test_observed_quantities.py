@@ -27,11 +27,6 @@ def opened(session: Session, path: Path, place: Callable[[float], tuple[float, f
     return str(case)
 
 
-@pytest.fixture
-def session(tmp_path: Path) -> Session:
-    return Session(tmp_path / "atw.db")
-
-
 def test_a_measured_swing_has_a_period_with_an_interval(session: Session, tmp_path: Path) -> None:
     case = opened(session, tmp_path / "a.csv", lambda t: (0.1 * np.cos(2.0 * np.pi * t / 1.2), 0.0, 1.0), 200)
     answer = session("InspectObservedMotion", case=case, object="ball", quantities=["speed", "period"])

@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.atw_mcp.clips import write_film
+
 Image = NDArray[np.float32]
 WIDTH, HEIGHT = 240, 160
 SUBPIXEL = 8
@@ -95,12 +97,7 @@ def render(
             truth[k][t] = inside
         image = image * light(t) + rng.normal(0, noise, image.shape)
         frames[t] = np.clip(image, 0, 255).astype(np.uint8)
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (WIDTH, HEIGHT))
-    assert writer.isOpened()
-    for frame in frames:
-        writer.write(frame)
-    writer.release()
-    return Clip(frames, truth, path)
+    return Clip(frames, truth, write_film(path, frames))
 
 
 def overlap(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:

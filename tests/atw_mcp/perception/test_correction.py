@@ -6,7 +6,6 @@ import itertools
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
@@ -28,6 +27,7 @@ from atw_mcp.perception.masks import RunLengthMask
 from atw_mcp.perception.observation import ImageObservation, ObservationError
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.video import VideoError
+from tests.atw_mcp.clips import write_film
 from tests.atw_mcp.perception.clips import Clip, Disc, overlap, plain, render
 
 RED, BLUE = (40, 40, 170), (170, 70, 40)
@@ -236,7 +236,7 @@ def test_small_remains_are_not_said_to_be_in_full_view(tmp_path: Path) -> None:
     frames = clip.frames.copy()
     ground = plain()
     frames = np.concatenate([frames, np.repeat(ground.astype(np.uint8)[None], 12, axis=0)])
-    path = _written(tmp_path / "gone.mp4", frames)
+    path = write_film(tmp_path / "gone.mp4", frames)
     seen = observe(path)
     nothing = correct(seen, path, [Drop(name) for name in seen.names])
     seeded = correct(nothing, path, [Outline("blue", 5, circle=(70, 80, 16), add=True)]).object("blue")
@@ -246,14 +246,6 @@ def test_small_remains_are_not_said_to_be_in_full_view(tmp_path: Path) -> None:
             assert seeded.confidence[t] < 0.5
             assert seeded.status[t] != "visible"
     assert seeded.area[12:].max() < 0.3 * area
-
-
-def _written(path: Path, frames: np.ndarray) -> Path:
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (frames.shape[2], frames.shape[1]))
-    for frame in frames:
-        writer.write(frame)
-    writer.release()
-    return path
 
 
 def test_place_in_the_world_moves_the_mask_there(

@@ -17,6 +17,7 @@ from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
 from polyworld.world.geometry import quaternion_matrix
 from polyworld.world.shapes import Box, Cylinder, Sphere
+from tests.atw_mcp.clips import write_film
 
 WIDTH, HEIGHT, FRAMES, FOCAL, HIGH, RADIUS = 320, 240, 24, 300.0, 2.0, 0.12
 BALL = Sphere(radius=RADIUS)
@@ -67,10 +68,7 @@ def disc(frame: np.ndarray, centre: np.ndarray, radius: float, colour: tuple[int
 def write(path: Path, frames: list[np.ndarray]) -> None:
     """Write frames with a camera's noise."""
     rng = np.random.default_rng(11)
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 24, (WIDTH, HEIGHT))
-    for frame in frames:
-        writer.write(np.clip(frame + rng.normal(0, 2, frame.shape), 0, 255).astype(np.uint8))
-    writer.release()
+    write_film(path, (frame + rng.normal(0, 2, frame.shape) for frame in frames), rate=24, code="MJPG")
 
 
 def on_floor(x: np.ndarray, y: np.ndarray, radius: float = RADIUS) -> tuple[np.ndarray, np.ndarray]:

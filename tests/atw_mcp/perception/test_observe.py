@@ -12,6 +12,7 @@ import pytest
 from atw_mcp.perception.observation import ImageObservation, ObservationError
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.video import PerceptionCancelled
+from tests.atw_mcp.clips import write_film
 from tests.atw_mcp.perception.clips import Clip, Disc, overlap, plain, render, textured
 
 RED, BLUE, GREEN = (40, 40, 170), (170, 70, 40), (50, 130, 40)
@@ -220,8 +221,5 @@ def test_moving_camera_is_noticed(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     wall = cv2.GaussianBlur(rng.uniform(0, 255, (160, 700, 3)).astype(np.float32), (0, 0), 3)
     wall = np.clip(128 + 6 * (wall - wall.mean()), 0, 255).astype(np.uint8)
-    writer = cv2.VideoWriter(str(tmp_path / "pan.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (240, 160))
-    for t in range(20):
-        writer.write(np.ascontiguousarray(wall[:, 20 * t : 20 * t + 240]))
-    writer.release()
-    assert any("does the camera move" in w for w in observe(tmp_path / "pan.mp4").warnings)
+    film = write_film(tmp_path / "pan.mp4", (wall[:, 20 * t : 20 * t + 240] for t in range(20)))
+    assert any("does the camera move" in w for w in observe(film).warnings)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from atw_mcp.perception.camera_motion import as_filmed, camera_motion, stabilised
 from atw_mcp.perception.observe import observe
+from tests.atw_mcp.clips import write_film
 
 HEIGHT, WIDTH = 180, 240
 
@@ -22,15 +23,6 @@ def checker(rng: np.random.Generator) -> NDArray[np.float64]:
     return np.repeat(tiles[..., None], 3, axis=2) + rng.normal(0.0, 1.5, (HEIGHT, WIDTH, 3))
 
 
-def written(path: Path, frames: list[NDArray[np.float64]]) -> Path:
-    """A video without loss."""
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"FFV1"), 25.0, (WIDTH, HEIGHT))
-    for frame in frames:
-        writer.write(np.clip(frame, 0, 255).astype(np.uint8))
-    writer.release()
-    return path
-
-
 def test_a_red_box_at_rest_on_a_checked_floor_is_found_and_no_tile_is(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     floor = checker(rng)
@@ -39,12 +31,16 @@ def test_a_red_box_at_rest_on_a_checked_floor_is_found_and_no_tile_is(tmp_path: 
     frames = [
         np.where(truth[..., None], (40.0, 40.0, 190.0), floor) + rng.normal(0.0, 1.0, floor.shape) for _ in range(8)
     ]
-    (box,) = observe(written(tmp_path / "box.avi", frames)).objects
+    (box,) = observe(write_film(tmp_path / "box.avi", frames, code="FFV1")).objects
     found = box.masks[4]
     assert found is not None
     assert (found.decode() & truth).sum() / (found.decode() | truth).sum() > 0.9
     assert (
-        observe(written(tmp_path / "none.avi", [floor + rng.normal(0.0, 1.0, floor.shape) for _ in range(8)])).objects
+        observe(
+            write_film(
+                tmp_path / "none.avi", [floor + rng.normal(0.0, 1.0, floor.shape) for _ in range(8)], code="FFV1"
+            )
+        ).objects
         == ()
     )
 
@@ -61,7 +57,7 @@ def test_shadows_beside_two_bodies_are_no_objects_and_are_named(tmp_path: Path, 
             image[row : row + 14, x + 24 : x + 40] *= factor
             image[row - 2 : row + 16, x : x + 18] = np.array(colour) * np.linspace(0.8, 1.1, 18)[:, None, None]
         frames.append(image + rng.normal(0.0, 1.0, image.shape))
-    seen = observe(written(tmp_path / "shadows.avi", frames))
+    seen = observe(write_film(tmp_path / "shadows.avi", frames, code="FFV1"))
     assert sorted(o.colour.name for o in seen.objects) == ["red", "white"]
     assert any("shadow" in w for w in seen.warnings)
 
@@ -107,7 +103,7 @@ def test_a_brief_slip_beside_a_large_body_is_no_object_and_a_small_body_is(tmp_p
             image[102:106, 30 + 4 * t : 40 + 4 * t] = (150.0, 80.0, 60.0)  # a slip under it
         image[130:137, 190 - 6 * t : 200 - 6 * t] = (40.0, 40.0, 190.0)
         frames.append(image + rng.normal(0.0, 1.0, image.shape))
-    seen = observe(written(tmp_path / "slip.avi", frames))
+    seen = observe(write_film(tmp_path / "slip.avi", frames, code="FFV1"))
     assert sorted(o.colour.name for o in seen.objects) == ["blue", "red"]
 
 
@@ -128,7 +124,7 @@ def test_a_grey_ball_whose_lit_side_is_as_dark_as_its_shadow_is_seen_whole(tmp_p
         image = cv2.GaussianBlur(image, (0, 0), 0.6)
         frames.append(image + rng.normal(0.0, 1.0, image.shape))
         truths.append(truth)
-    seen = observe(written(tmp_path / "grey.avi", frames))
+    seen = observe(write_film(tmp_path / "grey.avi", frames, code="FFV1"))
     assert sorted(str(o.colour.name) for o in seen.objects) == ["gray", "red"]
     ball = next(o for o in seen.objects if o.colour.name == "gray")
     for t in (2, 12, 21):

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.video import VideoError, probe, read_frames
+from tests.atw_mcp.clips import write_film
 from tests.atw_mcp.perception.clips import HEIGHT, WIDTH, Clip, Disc, render
 
 
@@ -58,11 +58,7 @@ def test_unreadable_files_are_refused(clip: Clip, tmp_path: Path) -> None:
 
 
 def test_video_cut_short_is_read_as_far_as_it_goes_with_a_warning(clip: Clip, tmp_path: Path) -> None:
-    path = tmp_path / "cut.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (WIDTH, HEIGHT))
-    for frame in clip.frames:
-        writer.write(frame)
-    writer.release()
+    path = write_film(tmp_path / "cut.avi", clip.frames, code="MJPG")
     data = path.read_bytes()
     path.write_bytes(data[: int(0.6 * len(data))])
     info = probe(path)
@@ -77,11 +73,7 @@ def test_frame_outside_the_video_names_the_range(clip: Clip) -> None:
 
 
 def test_too_many_frames_are_refused_with_a_way_out(tmp_path: Path) -> None:
-    path = tmp_path / "long.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (16, 16))
-    for k in range(2001):
-        writer.write(np.full((16, 16, 3), 10 * (k % 20), dtype=np.uint8))
-    writer.release()
+    path = write_film(tmp_path / "long.avi", (np.full((16, 16, 3), 10 * (k % 20)) for k in range(2001)), code="MJPG")
     with pytest.raises(VideoError, match="stride"):
         read_frames(path)
     assert len(read_frames(path, stride=3)) == 667

@@ -18,11 +18,6 @@ from tests.atw_mcp.two_discs import case_with, two_discs
 
 
 @pytest.fixture
-def session(tmp_path: Path) -> Session:
-    return Session(tmp_path / "atw.db")
-
-
-@pytest.fixture
 def sliding(session: Session, tmp_path: Path) -> tuple[Session, str, str]:
     """A session with a case of imported tracks and a draft world: (session, case, world)."""
     case = session("OpenCase", data=str(write_tracks(tmp_path / "slide.csv")), name="slide")["case"]

@@ -18,11 +18,6 @@ from tests.atw_mcp.session import Session
 BOX = {"kind": "box", "half_extents": [0.05, 0.05, 0.05]}
 
 
-@pytest.fixture
-def session(tmp_path: Path) -> Session:
-    return Session(tmp_path / "atw.db")
-
-
 def test_friction_and_speed_of_a_sliding_puck_are_recovered(session: Session, tmp_path: Path) -> None:
     path = write_tracks(tmp_path / "slide.csv", speed=1.2, friction=0.23)
     case = session("OpenCase", data=str(path))["case"]

@@ -17,11 +17,6 @@ from tests.atw_mcp.session import Session
 
 
 @pytest.fixture
-def session(tmp_path: Path) -> Session:
-    return Session(tmp_path / "atw.db")
-
-
-@pytest.fixture
 def case(session: Session, tmp_path: Path) -> str:
     path = write_tracks(tmp_path / "slide.csv")
     name: str = session("OpenCase", data=str(path), name="slide", questions=["does it stop?"])["case"]

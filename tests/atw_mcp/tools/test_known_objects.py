@@ -5,15 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from tests.atw_mcp.perception.test_known import AROUND, RADIUS, from_the_side, past_the_post
 from tests.atw_mcp.session import Session
-
-
-@pytest.fixture
-def session(tmp_path: Path) -> Session:
-    return Session(tmp_path / "atw.db")
 
 
 def test_a_ball_behind_a_post_is_found_with_the_post_given(session: Session, tmp_path: Path) -> None:

@@ -5,18 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from polyworld.pictures.render import look_at
 from tests.atw_mcp.clips import write_clip
 from tests.atw_mcp.session import Session
 
 CORNERS = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [0.2, 0.3, 0.0]])
-
-
-@pytest.fixture
-def session(tmp_path: Path) -> Session:
-    return Session(tmp_path / "atw.db")
 
 
 def test_rms_and_the_largest_error_are_reported_and_four_points_are_called_unchecked(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from atw_mcp.viewer import film as films
 from atw_mcp.viewer.document import Film
 from atw_mcp.viewer.packing import Blocks
 from evidence_store import Case
+from tests.atw_mcp.clips import write_film
 
 COUNT, WIDTH, HEIGHT = 14, 64, 48
 
@@ -32,16 +32,6 @@ def drawn(count: int = COUNT, width: int = WIDTH, height: int = HEIGHT) -> list[
     for i, frame in enumerate(frames):
         frame[12:28, 3 * i : 3 * i + 14] = (30, 80, 240)
     return frames
-
-
-def written(path: Path, code: str, frames: list[NDArray[np.uint8]], rate: float = 30.0) -> Path:
-    writer = cv2.VideoWriter(
-        str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*code), rate, (frames[0].shape[1], frames[0].shape[0])
-    )
-    for frame in frames:
-        writer.write(frame)
-    writer.release()
-    return path
 
 
 def made(path: Path, folder: Path, covered: int = 0) -> tuple[Film, NDArray[np.uint8], Path]:
@@ -62,7 +52,7 @@ def nearest(frame: NDArray[Any], others: NDArray[Any]) -> int:
 
 
 def test_transcoded_frames_are_the_originals_in_order(tmp_path: Path) -> None:
-    source = written(tmp_path / "a.mp4", "mp4v", drawn())
+    source = write_film(tmp_path / "a.mp4", drawn(), rate=30)
     film, frames, out = made(source, tmp_path)
     originals = read_frames(source)
     assert film.mime.startswith("video/webm")
@@ -78,7 +68,7 @@ def test_transcoded_frames_are_the_originals_in_order(tmp_path: Path) -> None:
 def webm_with_late_frame(folder: Path) -> Path:
     """A file that browsers play, 25 frames a second, but frame 5 comes 15 ms late: of a camera that hesitates."""
     changed = bytearray(
-        written(folder / "a.mkv", "VP80", drawn(), rate=25.0).read_bytes().replace(films.MATROSKA, films.WEBM, 1)
+        write_film(folder / "a.mkv", drawn(), code="VP80").read_bytes().replace(films.MATROSKA, films.WEBM, 1)
     )
     at = changed.index(b"\x81" + (200).to_bytes(2, "big"))  # a simple block states its time after its cluster [ms]
     changed[at + 1 : at + 3] = (215).to_bytes(2, "big")
@@ -98,7 +88,7 @@ def test_file_that_browsers_play_is_passed_on_with_its_own_frame_times(tmp_path:
 def test_long_video_is_cut_to_what_is_covered_and_reduced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(films, "MOST_PIXELS", 5 * WIDTH * HEIGHT)
     monkeypatch.setattr(films, "SHORTEST_LONG_SIDE", 16)
-    source = written(tmp_path / "a.mp4", "mp4v", drawn())
+    source = write_film(tmp_path / "a.mp4", drawn(), rate=30)
     film, frames, _ = made(source, tmp_path, covered=10)
     assert film.frame_count == 10
     assert "frames 0 to 9 of 14" in film.note
@@ -108,7 +98,7 @@ def test_long_video_is_cut_to_what_is_covered_and_reduced(tmp_path: Path, monkey
 
 def test_film_above_its_size_is_reduced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     noise = np.random.default_rng(1).integers(0, 255, (4, 96, 128, 3), dtype=np.uint8)
-    source = written(tmp_path / "a.mp4", "mp4v", list(noise))
+    source = write_film(tmp_path / "a.mp4", list(noise), rate=30)
     _, _, out = made(source, tmp_path)
     monkeypatch.setattr(films, "MAX_BYTES", out.stat().st_size // 2)
     monkeypatch.setattr(films, "SHORTEST_LONG_SIDE", 16)
@@ -118,7 +108,7 @@ def test_film_above_its_size_is_reduced(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_absent_changed_or_damaged_video_says_what_is_missing(tmp_path: Path) -> None:
-    source = written(tmp_path / "a.mp4", "mp4v", drawn(3))
+    source = write_film(tmp_path / "a.mp4", drawn(3), rate=30)
     case = case_of(source)
     assert films.film(case, tmp_path / "moved.mp4", Blocks())[1].startswith("The video is not shown: moved.mp4 is not")
     source.write_bytes(source.read_bytes() + b"\0")

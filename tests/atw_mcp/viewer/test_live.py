@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import anyio
-import cv2
 import numpy as np
 import pytest
 from starlette.testclient import TestClient
@@ -23,6 +22,7 @@ from atw_mcp.viewer.live.site import Site
 from atw_mcp.viewer.packing import unpacked
 from evidence_store import Evidence, EvidenceStore
 from evidence_store.schema import VERSION
+from tests.atw_mcp.clips import write_film
 
 TOKEN, PORT = "token-of-this-test", 4321
 HERE = f"http://127.0.0.1:{PORT}"
@@ -32,11 +32,7 @@ POLICY = "default-src 'none'; connect-src 'self'"
 @pytest.fixture
 def writer(tmp_path: Path) -> Iterator[EvidenceStore]:
     """A store with a case that has a video of 3 frames, and another without a file, named to be hard to serve."""
-    video = tmp_path / "ball.mp4"
-    film = cv2.VideoWriter(str(video), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (64, 48))
-    for number in range(3):
-        film.write(np.full((48, 64, 3), 40 * number, np.uint8))
-    film.release()
+    video = write_film(tmp_path / "ball.mp4", (np.full((48, 64, 3), 40 * number) for number in range(3)))
     store = EvidenceStore(tmp_path / "atw.db")
     store.cases.add("ball", content=content_hash(video), kind="video", path=str(video), facts={})
     store.cases.add("a/b <i>", content="described", kind="data", path="", facts={})

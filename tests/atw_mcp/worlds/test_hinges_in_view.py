@@ -17,11 +17,6 @@ PIVOT = {"part": "hinge", "name": "pivot", "object": "bob", "anchor": [0, 0, 1]}
 
 
 @pytest.fixture
-def session(tmp_path: Path) -> Session:
-    return Session(tmp_path / "atw.db")
-
-
-@pytest.fixture
 def case(session: Session, tmp_path: Path) -> str:
     path = tmp_path / "nothing.csv"
     path.write_text("t,object,x,y,z\n")

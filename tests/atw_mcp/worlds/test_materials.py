@@ -38,11 +38,6 @@ BUCKET = {"name": "pail", "shape": {"kind": "open_box", "half_extents": [0.1, 0.
 
 
 @pytest.fixture
-def session(tmp_path: Path) -> Session:
-    return Session(tmp_path / "atw.db")
-
-
-@pytest.fixture
 def case(session: Session, tmp_path: Path) -> str:
     path = tmp_path / "nothing.csv"
     path.write_text("t,object,x,y,z\n")

@@ -29,11 +29,6 @@ TAP = {"part": "emitter", "name": "tap", "fluid": "water", "position": [0.5, 0.5
 
 
 @pytest.fixture
-def session(tmp_path: Path) -> Session:
-    return Session(tmp_path / "atw.db")
-
-
-@pytest.fixture
 def case(session: Session, tmp_path: Path) -> str:
     (tmp_path / "t.csv").write_text("t,object,x,y\n0,a,0,0\n")
     return str(session("OpenCase", data=str(tmp_path / "t.csv"))["case"])
