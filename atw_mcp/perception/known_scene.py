@@ -30,12 +30,16 @@ _SIZED: TypeAdapter[Sized] = TypeAdapter(Sized)
 
 @dataclass(frozen=True)
 class KnownScene:
-    """Camera, plane of motion, solids by name, and corners (n, 3) [m] of convex solids that may hide them."""
+    """Camera, plane of motion, solids by name, and corners (n, 3) [m] of convex solids that may hide them.
+
+    off_plane: names of solids that are not on the plane, and are followed in the image.
+    """
 
     camera: Camera
     plane: MotionPlane = FLOOR
     solids: Mapping[str, Sized] = field(default_factory=dict)
     fixtures: tuple[Corners, ...] = ()
+    off_plane: frozenset[str] = frozenset()
 
     def body(self, name: str) -> Solid:
         """Return a solid as a body with a silhouette."""
@@ -53,7 +57,8 @@ class KnownScene:
     def renamed(self, old: str, new: str) -> KnownScene:
         """Return the scene with another name of a solid."""
         solids = {new if name == old else name: solid for name, solid in self.solids.items()}
-        return replace(self, solids=solids)
+        off = frozenset(new if name == old else name for name in self.off_plane)
+        return replace(self, solids=solids, off_plane=off)
 
     def hiding(self, shape: tuple[int, int]) -> NDArray[np.float32] | None:
         """Distance along the camera's axis (H, W) [m] of the nearest fixture, FAR where there is none."""
@@ -69,6 +74,7 @@ class KnownScene:
             "plane": self.plane.model_dump(mode="json"),
             "solids": {name: solid.model_dump(mode="json") for name, solid in self.solids.items()},
             "fixtures": [[list(corner) for corner in corners] for corners in self.fixtures],
+            "off_plane": sorted(self.off_plane),
         }
 
     @classmethod
@@ -79,6 +85,7 @@ class KnownScene:
             MotionPlane.model_validate(data["plane"]),
             {name: _SIZED.validate_python(solid) for name, solid in data["solids"].items()},
             tuple(tuple((float(x), float(y), float(z)) for x, y, z in corners) for corners in data["fixtures"]),
+            frozenset(data.get("off_plane", ())),
         )
 
 
