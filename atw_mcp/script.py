@@ -7,6 +7,7 @@ One call a line (a line ending in a backslash continues on the next):
     open: OpenCase video=$folder/clip.mp4
     observe: ObserveObjects case=$open.case
     Rollout case=$open.case edits='[{"action": "remove", "object": "red"}]'
+    Rollout {"case": "$open.case", "horizon_seconds": 2}
 
 `$name.field` and `${name.field.0.field}` stand for part of the result called `name`: a field of the result, of
 its source, or of its data. A variable (`$folder`, the script's own folder, or one given on the command line) is
@@ -40,7 +41,7 @@ class Step:
     """One call of a script. arguments: as written, not yet read by the tool's schema."""
 
     tool: str
-    arguments: dict[str, str] = field(default_factory=dict)
+    arguments: dict[str, Any] = field(default_factory=dict)
     name: str | None = None
     say: str | None = None
 
@@ -59,6 +60,9 @@ def read_script(path: Path) -> list[Step]:
 
 def read_line(line: str) -> Step | None:
     """Parse one line of a script; None for an empty line or a comment. Raises ScriptError."""
+    whole = re.fullmatch(rf"\s*(?:(?P<name>{NAME}):\s*)?(?P<tool>{NAME})\s*(?P<object>\{{.*)", line, re.DOTALL)
+    if whole is not None:  # arguments as one JSON object
+        return Step(whole["tool"], split_pairs([whole["object"]]), whole["name"])
     try:
         words = shlex.split(_with_json_quoted(line), comments=True)
     except ValueError as error:
@@ -109,7 +113,8 @@ async def run_script(
 
 def step_arguments(step: Step, known: Mapping[str, Any], schemas: Mapping[str, Any]) -> dict[str, Any]:
     """Resolve a step's references and read its arguments by the tool's schema; raises ScriptError."""
-    return read_arguments({key: resolved(value, known) for key, value in step.arguments.items()}, schemas, step.tool)
+    given = {k: resolved(v, known) if isinstance(v, str) else v for k, v in step.arguments.items()}
+    return read_arguments(given, schemas, step.tool)
 
 
 def resolved(value: str, known: Mapping[str, Any]) -> Any:
@@ -139,13 +144,18 @@ def read_arguments(given: Mapping[str, Any], schemas: Mapping[str, Any], tool: s
     return {key: _read_value(value, properties.get(key, {}), key) for key, value in given.items()}
 
 
-def split_pairs(words: list[str]) -> dict[str, str]:
-    """key=value words as a mapping; raises ScriptError for a word without a key."""
-    pairs: dict[str, str] = {}
+def split_pairs(words: list[str]) -> dict[str, Any]:
+    """key=value words, or one word that is a JSON object, as a mapping; raises ScriptError for a word without a key."""
+    if len(words) == 1 and words[0].startswith("{"):
+        try:
+            return dict(json.loads(words[0]))
+        except json.JSONDecodeError as error:
+            raise ScriptError(f"the arguments are no JSON object: {error}") from error
+    pairs: dict[str, Any] = {}
     for word in words:
         key, equals, value = word.partition("=")
         if not equals or not re.fullmatch(NAME, key):
-            raise ScriptError(f"{word!r} is not key=value")
+            raise ScriptError(f"{word!r} is not key=value; arguments may also be one JSON object")
         if key in pairs:
             raise ScriptError(f"{key!r} is given twice")
         pairs[key] = value

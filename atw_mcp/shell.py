@@ -23,6 +23,7 @@ SPELL = 0.2  # [s] within which an interruption is noticed while nothing comes t
 CHUNK = 65536  # bytes read from a pipe at once
 HELP = """\
 [NAME:] TOOL key=value ...   call a tool; a value is JSON where the tool wants it, @path is a file's content
+[NAME:] TOOL {"key": value}  the same, arguments as one JSON object
                              $NAME.field is part of an earlier result, $last.field of the one before
 > TEXT                       print a text, references resolved; # starts a comment, \\ at the end continues a line
 tools [TOOL]                 list the tools, or describe one

@@ -40,10 +40,19 @@ def add_parser(commands: Any) -> None:
     backup.add_argument("file", type=Path, metavar="FILE", help="where to write the copy; must not exist")
     _declare(backup, _backup)
 
-    export = commands.add_parser("export", help="write a case with all it rests on to a file, or its provenance")
+    export = commands.add_parser(
+        "export", help="write a case with all it rests on to a file, its provenance, or its motion as table or figure"
+    )
     export.add_argument("case", metavar="CASE")
     export.add_argument("--out", type=Path, metavar="FILE.zip", help="write the whole case here, for `atw-mcp import`")
     export.add_argument("--prov", type=Path, metavar="FILE.json", help="write its provenance here, as W3C PROV-JSON")
+    export.add_argument(
+        "--motion",
+        type=Path,
+        metavar="FILE",
+        help="write measured and simulated places with 80%% intervals here: .csv a table, .svg, .png or .pdf a figure",
+    )
+    export.add_argument("--until", type=float, metavar="SECONDS", help="run the world to here; default the last frame")
     _declare(export, _export)
 
     imported = commands.add_parser(
@@ -139,8 +148,8 @@ def _export(options: argparse.Namespace, store: Path) -> int:
     from evidence_store.export import export_case
     from evidence_store.provenance import prov_json
 
-    if options.out is None and options.prov is None:
-        print("atw-mcp: export needs --out FILE.zip, --prov FILE.json or both", file=sys.stderr)
+    if options.out is None and options.prov is None and options.motion is None:
+        print("atw-mcp: export needs --out FILE.zip, --prov FILE.json or --motion FILE.csv", file=sys.stderr)
         return USAGE
     if not store.exists():
         raise StoreError(f"there is no evidence store at {store}: check the path, which --store FILE gives")
@@ -157,6 +166,24 @@ def _export(options: argparse.Namespace, store: Path) -> int:
         return FAILED
     finally:
         opened.close()
+    return OK if options.motion is None else _export_motion(options, store)
+
+
+def _export_motion(options: argparse.Namespace, store: Path) -> int:
+    from mcp.server.mcpserver.exceptions import ToolError
+
+    from atw_mcp.calls.app import App
+    from atw_mcp.motion_export import export_motion
+
+    app = App(store)
+    try:
+        rows = export_motion(app, options.case, options.motion.expanduser(), options.until)
+    except (OSError, ToolError, ValueError) as error:
+        print(f"atw-mcp: {error}", file=sys.stderr)
+        return FAILED
+    finally:
+        app.close()
+    print(f"{options.motion}: {rows} {'rows' if options.motion.suffix == '.csv' else 'instants'}")
     return OK
 
 

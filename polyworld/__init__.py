@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from polyworld.estimation.study import Study, StudyRun
     from polyworld.gap.method import find_gap
     from polyworld.gap.report import GapReport
+    from polyworld.pictures.motion import plot
     from polyworld.probing.compare import Comparison, compare
     from polyworld.probing.overlaps import Overlap, overlaps
     from polyworld.probing.predicates import Predicate
@@ -58,6 +59,7 @@ __all__ = [
     "find_gap",
     "fit",
     "overlaps",
+    "plot",
     "predicted_cost",
     "query",
     "read_recording",
@@ -76,6 +78,7 @@ _HOMES = {
     "polyworld.estimation.study": ("Study", "StudyRun"),
     "polyworld.gap.method": ("find_gap",),
     "polyworld.gap.report": ("GapReport",),
+    "polyworld.pictures.motion": ("plot",),
     "polyworld.probing.compare": ("Comparison", "compare"),
     "polyworld.probing.overlaps": ("Overlap", "overlaps"),
     "polyworld.probing.predicates": ("Predicate",),

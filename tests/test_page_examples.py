@@ -16,7 +16,7 @@ def test_examples_of_python_run_and_say_what_is_so(tmp_path: Path, monkeypatch: 
     pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
-    assert len(blocks) == 6
+    assert len(blocks) == 7
     names: dict[str, Any] = {}
     for block in blocks:
         exec(block, names)
@@ -31,7 +31,10 @@ def test_examples_of_python_run_and_say_what_is_so(tmp_path: Path, monkeypatch: 
     # Held against its weight of 8.4 kg: 400 (0.5 - angle) = m g l sin(angle).
     x, _, z = names["state"].positions[1]
     assert 0.4 < np.arctan2(-x, 2 - z) < 0.5
-    assert [o.name for o in names["found"].world.objects] == ["ball", "rod"]
+    assert [o.name for o in names["imported"].world.objects] == ["ball", "rod"]
     # Made with a drag coefficient of 0.5, and 1 mm of noise.
     assert names["gap"].names == ("quadratic_drag",)
     assert names["drag"] == pytest.approx(0.5 * 0.5 * 1.2 * np.pi * 0.02**2, rel=0.02)
+    low, high = names["found"].constants[0].interval
+    assert low < names["drag"] < high
+    assert (tmp_path / "flight.svg").read_text(encoding="utf-8").count("<path") > 10

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from atw_mcp.calls.app import App
 from atw_mcp.fitting.verdict import cure
-from evidence_store import Evidence
+from evidence_store import Case, Evidence
 from polyworld.estimation.readout import gyration_radius
 from polyworld.world import World
 
@@ -82,14 +83,28 @@ def prediction_in_words(document: dict[str, Any]) -> str:
     return "; ".join(filter(None, (said, ahead if np.isfinite(spread).all() else "")))
 
 
-def next_step(case: str, world: str, document: dict[str, Any]) -> str:
-    """Which call to make after a fit."""
+def sharing(app: App, case: Case, world: str | None, values: Sequence[dict[str, Any]]) -> str:
+    """Name the fit that shares constants with other cases of the store, where data leave some open; else nothing."""
+    materials = {item.appearance.material for item in app.world(case, world).objects} - {None}
+    if not materials or not any(value["from_prior"] for value in values):
+        return ""
+    fitted = [
+        other
+        for other in app.store.cases.all()
+        if other.id != case.id and any(origin == "fitted" for _, origin in app.store.cases.worlds(other.id))
+    ]
+    found = [o.id for o in fitted if materials & {item.appearance.material for item in app.draft(o).objects}]
+    return f"if these are of one laboratory, FitWorld(case={case.id!r}, cases={found}), " if found else ""
+
+
+def next_step(case: str, world: str, document: dict[str, Any], pooled: str = "") -> str:
+    """Which call to make after a fit. pooled: before a commit."""
     look = f"InspectRollout(case={case!r}, world={world!r})"
     verdict = document["verdict"]["verdict"]
     if verdict == "failed":
         return cure(case, world)
     if verdict == "good":
-        return f"{look}, then CommitWorld(case={case!r}, world={world!r})"
+        return f"{look}, then {pooled}CommitWorld(case={case!r}, world={world!r})"
     return (
         f"{look}; correct tracks or shapes that are off; FitWorld(parameters=[...]) frees what may differ, such as "
         f"torsional_radius; FindDiscrepancy(case={case!r}, world={world!r}) and ProposeEffects find what the world "

@@ -9,7 +9,7 @@ from atw_mcp.calls.app import App
 from atw_mcp.calls.results import Answer
 from atw_mcp.calls.steps import Step, StepFailed, Steps
 from atw_mcp.fitting.errors import ObjectError
-from atw_mcp.fitting.reading import CONTACTS, WAYS
+from atw_mcp.fitting.reading import CONTACTS, WAYS, sharing
 from atw_mcp.observation.matching import Matching
 from evidence_store import Case
 
@@ -18,9 +18,9 @@ CLOSE = 2.0  # ratio of errors up to which the world that was passed over is wor
 MATCHING = "matching"
 VALUE = ("name", "value", "unit", "interval80", "prior80", "from_prior", "at_bound")
 VERDICTS = {
-    "follows": "follows the video",
-    "follows_with_doubts": "follows the video, with doubts",
-    "does_not_follow": "does not follow the video",
+    "good": "follows the video",
+    "doubtful": "follows the video, with doubts",
+    "poor": "does not follow the video",
 }
 
 
@@ -45,14 +45,15 @@ def fit_report(app: App, case: Case, fitted: Step, steps: Steps, model: VideoMod
     world = fitted.evidence.world
     doubts = _doubts(steps, fitted, model)
     off = [error for error in model.errors if not error.follows]
-    verdict = "does_not_follow" if off or model.diverged else "follows_with_doubts" if doubts else "follows"
+    verdict = "poor" if off or model.diverged else "doubtful" if doubts else "good"
+    pooled = sharing(app, case, world, fitted.data["values"])
     worst = model.errors[0] if model.errors else None
     size = "" if worst is None else f"; worst {worst.object}: {_error(worst)}"
     data = {
         "world": world,
         "verdict": verdict,
         "doubts": doubts,
-        "next": _next(case, steps, model, world, verdict),
+        "next": _next(case, steps, model, world, verdict, pooled),
         "kept": kept or None,
         **_matching(model),
         "errors": [error.to_dict() for error in model.errors],
@@ -105,7 +106,7 @@ def _kind(app: App, case: Case, world: str | None) -> str:
     return "planar" if app.world(case, world).planar else "spatial"
 
 
-def _next(case: Case, steps: Steps, model: VideoModel, world: str | None, verdict: str) -> str:
+def _next(case: Case, steps: Steps, model: VideoModel, world: str | None, verdict: str, pooled: str) -> str:
     """Return the call that helps most: to find what was not found, to see what is off, or to go on."""
     unseen = () if model.matching is None else model.matching.unseen
     again = f"ModelVideo(case={case.id!r}, ...) again"
@@ -113,10 +114,10 @@ def _next(case: Case, steps: Steps, model: VideoModel, world: str | None, verdic
         seed = f"{{kind: 'outline', object: {unseen[0]!r}, frame: ..., points: [[u, v], ...], add: true}}"
         return f"InspectFrames(case={case.id!r}), ObserveObjects(case={case.id!r}, corrections=[{seed}]), then {again}"
     look = f"InspectRollout(case={case.id!r}, world={world!r})"
-    if verdict == "does_not_follow":
+    if verdict == "poor":
         return f"{look} to look; {_correction(case, steps, 'FitWorld')}"
     both = "" if model.other is None or model.other[1] > CLOSE else f" of both: worlds=[{world!r}, {model.other[0]!r}]"
-    return f"{look} to look, then CommitWorld(case={case.id!r}, world={world!r}) and Ask{both}"
+    return f"{look} to look, then {pooled}CommitWorld(case={case.id!r}, world={world!r}) and Ask{both}"
 
 
 def _doubts(steps: Steps, fitted: Step, model: VideoModel) -> list[str]:

@@ -19,10 +19,9 @@ from scipy.spatial.transform import Rotation
 from atw_mcp.models.commands import Request, outcome_of, read_outcome
 from atw_mcp.models.folders import ModelError, ModelFolder
 from atw_mcp.models.running import Limits
-from atw_mcp.perception.import_tracks import continuous
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import Cancelled, Frames, Progress
-from polyworld.data.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks, continuous
 from polyworld.world.camera import Camera
 from polyworld.world.geometry import surface_mesh
 from polyworld.world.shapes import BodyShape, Compound

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from atw_mcp.models.points import PredictedPoints
-from atw_mcp.perception.import_tracks import continuous
-from polyworld.data.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks, continuous
 from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
 from polyworld.world.geometry import plane_axes

@@ -30,6 +30,7 @@ def masks_of(
         for c in constraints
         if isinstance(c, Seed) and isinstance(c.value, RunLengthMask) and c.frame is not None
     }
+    outlined = {c.object for c in constraints if isinstance(c, Seed)}  # by somebody who saw what is the body's
     masks: dict[str, list[Mask]] = {t.body.name: [] for t in tracks}
     for k in range(len(clip.numbers)):
         taken = np.zeros(shape, bool)
@@ -41,8 +42,8 @@ def masks_of(
         drawn = {i: _silhouette(scene, i, tracks[i].poses[k]) for i in seen}
         for i in sorted(seen, key=lambda i: tracks[i].body.depth(tracks[i].poses[k])):
             name = tracks[i].body.name
-            body = tracks[i].body
-            own = _as_shown(scene, i, k, drawn) if isinstance(body, eye.Outline) and body.scales else drawn[i]
+            shown = isinstance(tracks[i].body, eye.Outline) and name not in outlined
+            own = _as_shown(scene, i, k, drawn) if shown else drawn[i]
             made[name] = (own if clip.motion is None else as_filmed(own, clip.motion[k])) & ~taken
             taken |= made[name]
         for name, series in masks.items():

@@ -51,3 +51,9 @@ class Clip:
             return points
         turn, shift = self.motion[row, :, :2], self.motion[row, :, 2]
         return np.asarray((points - shift) @ np.linalg.inv(turn).T)
+
+    def filmed(self, points: Floats, row: int) -> Floats:
+        """Return the inverse of `steadied`."""
+        if self.motion is None:
+            return points
+        return np.asarray(points @ self.motion[row, :, :2].T + self.motion[row, :, 2])

@@ -29,6 +29,13 @@ def colour_word(text: str) -> str | None:
     return None
 
 
+def colour_name(text: str) -> str | None:
+    """Return the eye's word for a colour in a description; of a grey with the "light" or "dark" that is said of it."""
+    word = colour_word(text)
+    shade = next((s for s in ("light", "dark") if s in text.lower()), None)
+    return f"{shade} {word}" if word == "grey" and shade is not None else word
+
+
 def _word(words: list[str]) -> str | None:
     words = ["grey" if word == "gray" else word for word in words]
     name = " ".join(words)

@@ -20,9 +20,9 @@ from atw_mcp.perception.eye.pixels import features
 from atw_mcp.perception.eye.seeds import word_map
 from atw_mcp.perception.import_images import standing_apart
 from atw_mcp.perception.known_scene import KnownScene
+from atw_mcp.perception.lying import has_place, lying
 from atw_mcp.perception.masks import Mask, RunLengthMask
 from atw_mcp.perception.observation import ObservationError, ObservedObject, Status
-from atw_mcp.perception.off_plane import OffPlane, has_place, in_image, lying, off_plane
 from atw_mcp.perception.places import places_of
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
 
@@ -67,9 +67,10 @@ def follow_bodies(
     bodies: list[Body] = []
     for name in names:
         own = [h for h in hints if h.body == name]
-        solid = scene.body(name) if scene is not None and name in scene.solids else None
+        on_plane = scene is not None and name in scene.solids and name not in scene.off_plane
+        solid = scene.body(name) if scene is not None and on_plane else None
         if solid is None or not all(has_place(solid, h) for h in own):
-            bodies.append(_outline(clip, name, own, scales=solid is not None))
+            bodies.append(_outline(clip, name, own))
         else:
             bodies.append(solid)
     hiding = None if scene is None else scene.hiding(clip.frames.shape[1:3])
@@ -79,23 +80,9 @@ def follow_bodies(
         if on_side:
             bodies = [replace(b, lies=True) if isinstance(b, eye.Solid) and b.name in on_side else b for b in bodies]
             tracks, found = eye.observe(clip.steady, bodies, hints, hiding=hiding, tick=tick)
-        off = off_plane(found, tracks)
-        if off:
-            bodies = [in_image(b.name, off[b.name].seed) if b.name in off else b for b in bodies]
-            hints += [o.seed for o in off.values()]
-            tracks, found = eye.observe(clip.steady, bodies, hints, hiding=hiding, tick=tick)
     except ValueError as error:
         raise ObservationError(str(error)) from error
-    followed = _observed(clip, tracks, found, constraints)
-    return replace(followed, warnings=[*followed.warnings, *[_leaves(clip, name, o) for name, o in off.items()]])
-
-
-def _leaves(clip: Clip, name: str, off: OffPlane) -> str:
-    first, last = clip.numbers[off.rows[0]], clip.numbers[off.rows[-1]]
-    return (
-        f"{name} is {off.ratio:.1f} times as large in frames {first}..{last} as on its plane of motion: it leaves "
-        "that, or its size, the camera or the plane is not right. It was followed in the image"
-    )
+    return _observed(clip, tracks, found, constraints)
 
 
 def _hint(clip: Clip, seed: Seed) -> eye.Seed:
@@ -118,7 +105,7 @@ def _hint(clip: Clip, seed: Seed) -> eye.Seed:
     return eye.Seed(seed.object, seed.kind, row, places if seed.kind == "outline" else flat)
 
 
-def _outline(clip: Clip, name: str, hints: list[eye.Seed], *, scales: bool) -> eye.Outline:
+def _outline(clip: Clip, name: str, hints: list[eye.Seed]) -> eye.Outline:
     """Body of unknown shape, from its first hint that shows one: an outline, circle or mask before a box."""
     shown = sorted((h for h in hints if h.polygon() is not None), key=lambda h: h.kind == "box")
     if not shown:
@@ -128,7 +115,7 @@ def _outline(clip: Clip, name: str, hints: list[eye.Seed], *, scales: bool) -> e
     first = shown[0]
     if first.kind == "box":
         first = replace(first, kind="mask", value=_in_box(clip, first))
-    return replace(eye.outline_body(name, first), scales=scales)
+    return replace(eye.outline_body(name, first), scales=True)
 
 
 def _in_box(clip: Clip, hint: eye.Seed) -> Mask:

@@ -16,7 +16,7 @@ from atw_mcp.perception.naming import unique
 from polyworld.data.recording_csv import parse_reading
 from polyworld.data.recording_header import RecordingForm
 from polyworld.data.table_files import file_text, in_file
-from polyworld.data.tracks import ObservedTracks, frame_grid
+from polyworld.data.tracks import ObservedTracks, continuous, frame_grid
 from polyworld.world.description import Appearance
 
 Floats = NDArray[np.float64]
@@ -116,15 +116,6 @@ def clevrer_appearances(path: str | Path) -> dict[str, tuple[Appearance, str]]:
         n: (Appearance(color=p["color"], material=p["material"]), str(p["shape"]))
         for n, p in zip(names, properties, strict=True)
     }
-
-
-def continuous(quaternions: Floats) -> Floats:
-    """Quaternions (T, 4) with signs chosen so that neighbours are close."""
-    result = quaternions.copy()
-    for t in range(1, len(result)):
-        if result[t] @ result[t - 1] < 0:
-            result[t] = -result[t]
-    return result
 
 
 # --- formats -----------------------------------------------------------------------------------------

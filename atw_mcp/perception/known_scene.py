@@ -13,25 +13,33 @@ from scipy.spatial import ConvexHull
 
 from atw_mcp.perception.eye import Solid
 from atw_mcp.perception.eye.bodies import FLOOR
+from atw_mcp.perception.flight.surfaces import Surface, surfaces_of
 from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
+from polyworld.world.geometry import plane_axes
 from polyworld.world.shapes import Box, Cylinder, Sphere
 
 Floats = NDArray[np.float64]
 Sized = Sphere | Box | Cylinder
 Corners = tuple[tuple[float, float, float], ...]
 FAR = 1e6  # [m]
+LEVEL = 1.0 - 1e-6  # least upward part of the normal of a level plane
+STEEPEST = 0.3  # least upward part of the normal of a face that bears what rolls
 _SIZED: TypeAdapter[Sized] = TypeAdapter(Sized)
 
 
 @dataclass(frozen=True)
 class KnownScene:
-    """Camera, plane of motion, solids by name, and corners (n, 3) [m] of convex solids that may hide them."""
+    """Camera, plane of motion, solids by name, and corners (n, 3) [m] of convex solids that may hide them.
+
+    off_plane: names of solids that are not on the plane, and are followed in the image.
+    """
 
     camera: Camera
     plane: MotionPlane = FLOOR
     solids: Mapping[str, Sized] = field(default_factory=dict)
     fixtures: tuple[Corners, ...] = ()
+    off_plane: frozenset[str] = frozenset()
 
     def body(self, name: str) -> Solid:
         """Return a solid as a body with a silhouette."""
@@ -40,12 +48,17 @@ class KnownScene:
             half = solid.half_extents
         else:
             half = (solid.radius, solid.radius, solid.radius if isinstance(solid, Sphere) else solid.half_height)
-        return Solid(name, solid.kind, half, self.camera, self.plane)
+        faces: tuple[Surface, ...] = ()
+        if isinstance(solid, Sphere) and self.plane.supports and plane_axes(self.plane)[2, 2] > LEVEL:
+            corners = {str(k): np.array(c) for k, c in enumerate(self.fixtures)}
+            faces = tuple(surfaces_of(self.plane.point[2], corners, STEEPEST)[1:])
+        return Solid(name, solid.kind, half, self.camera, self.plane, faces=faces)
 
     def renamed(self, old: str, new: str) -> KnownScene:
         """Return the scene with another name of a solid."""
         solids = {new if name == old else name: solid for name, solid in self.solids.items()}
-        return replace(self, solids=solids)
+        off = frozenset(new if name == old else name for name in self.off_plane)
+        return replace(self, solids=solids, off_plane=off)
 
     def hiding(self, shape: tuple[int, int]) -> NDArray[np.float32] | None:
         """Distance along the camera's axis (H, W) [m] of the nearest fixture, FAR where there is none."""
@@ -61,6 +74,7 @@ class KnownScene:
             "plane": self.plane.model_dump(mode="json"),
             "solids": {name: solid.model_dump(mode="json") for name, solid in self.solids.items()},
             "fixtures": [[list(corner) for corner in corners] for corners in self.fixtures],
+            "off_plane": sorted(self.off_plane),
         }
 
     @classmethod
@@ -71,6 +85,7 @@ class KnownScene:
             MotionPlane.model_validate(data["plane"]),
             {name: _SIZED.validate_python(solid) for name, solid in data["solids"].items()},
             tuple(tuple((float(x), float(y), float(z)) for x, y, z in corners) for corners in data["fixtures"]),
+            frozenset(data.get("off_plane", ())),
         )
 
 

@@ -143,7 +143,9 @@ class TrackEdits:
             if not (isinstance(c, Seed) and c.object == name and c.frame is None)
         ]
         if self.scene is not None and name in self.scene.solids:
-            self.scene = replace(self.scene, solids={**self.scene.solids, new: self.scene.solids[name]})
+            off = self.scene.off_plane | ({new} if name in self.scene.off_plane else set())
+            solids = {**self.scene.solids, new: self.scene.solids[name]}
+            self.scene = replace(self.scene, solids=solids, off_plane=off)
         for part in (name, new):
             self._seed_from_mask(part)
         earlier = set(self.observation.frames) - later

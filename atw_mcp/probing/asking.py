@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 SHOWN_RELATIONS = 2  # in words: the strongest
 FINEST = 4  # decimal places shown
 APART = 0.5  # difference of probabilities from which candidate worlds are said to disagree
+LIGHT = 0.1  # weight below which a candidate world is outside every 80% interval, whatever it answers
 LEVELS = {"80%": (10.0, 90.0), "95%": (2.5, 97.5)}
 UNITS = {"when": "s", "how_often": "times", "where": "m", "how_fast": "m/s", "how_far": "m"}
 
@@ -186,13 +187,29 @@ def _at(times: Array, values: Array, time: float) -> Array:
     return np.array([np.interp(time, times, values[:, axis]) for axis in range(values.shape[1])])
 
 
+def disagree(answers: Sequence[dict[str, Any]], shares: Sequence[float]) -> bool:
+    """Return whether candidate worlds answer apart: probabilities by half, or a number's 80% intervals not meeting."""
+    answers = [answer for answer, share in zip(answers, shares, strict=True) if share >= LIGHT]
+    chances = [a.get("probabilities", {"": a.get("probability", 0.0)}) for a in answers]
+    for label in {label for chance in chances for label in chance}:
+        shares = [chance.get(label, 0.0) for chance in chances]
+        if max(shares) - min(shares) > APART:
+            return True
+    spreads = [a.get("place") or ({"": a["value"]} if "value" in a else {}) for a in answers]
+    for axis in {axis for spread in spreads for axis in spread}:
+        ends = [spread[axis]["80%"] for spread in spreads if axis in spread]
+        if max(low for low, _ in ends) > min(high for _, high in ends):
+            return True
+    return False
+
+
 def in_words(about: dict[str, Any], named: list[str], unseen: set[str], until: float) -> str:
+    if about.get("disagree"):
+        return "the worlds disagree, ask each alone: " + "; ".join(f"{w}: {a}" for w, a in about["by_world"].items())
     if "reason" in about:
         return f"unknown: {about['reason']}"
     if "probability" in about:
         text = f"probability {about['probability']:.2g}"
-        alone = [share for share in about.get("by_world", {}).values() if share is not None]
-        text += " (the worlds disagree: see by_world)" if alone and max(alone) - min(alone) > APART else ""
     elif "probabilities" in about:
         shares = sorted(about["probabilities"].items(), key=lambda item: -item[1])
         text = ", ".join(f"{label}: {share:.2g}" for label, share in shares)
@@ -223,10 +240,11 @@ def _spread(about: dict[str, Any]) -> str:
 
 
 def brief(row: dict[str, Any]) -> dict[str, Any]:
-    """Return an answer without what its own record repeats: the answer in words, and its numbers."""
+    """Return an answer without what its own record repeats: the answer in words, and its numbers where there is one."""
     brief = {name: row[name] for name in ("question", "answer", "evidence", "rollout")}
-    names = ("probability", "probabilities", "never", "unit", "by_world")
-    brief |= {name: row[name] for name in names if name in row}
+    if row.get("disagree"):  # a median of separate answers is none of them
+        return brief | {"disagree": True}
+    brief |= {name: row[name] for name in ("probability", "probabilities", "never", "unit", "by_world") if name in row}
     if "value" in row:
         brief["value"] = _narrow(row["value"])
     if "place" in row:

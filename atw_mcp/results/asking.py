@@ -41,9 +41,8 @@ class AnswerToOne(Result):
     place: dict[str, Likely] | None = Field(
         default=None, description="of where: by axis; in its own record also by pixel u, v"
     )
-    by_world: dict[str, float | Triple | dict[str, float] | None] | None = Field(
-        default=None, description="of several worlds: what each answers by itself, a probability or medians"
-    )
+    by_world: dict[str, str] | None = Field(default=None, description="of several worlds: what each answers, in words")
+    disagree: bool | None = Field(default=None, description="true where by_world is apart; then there is no one answer")
     decided_by: Split | None = Field(default=None, description="the parameter that decides it, where one does")
     goes_with: list[Relation] | None = Field(default=None, description="parameters that it rises or falls with")
     from_prior: list[str] | None = Field(default=None, description="of these parameters, those that no frame shows")

@@ -85,7 +85,7 @@ class ModelledVideo(_Modelling):
     """Data of ModelVideo."""
 
     world: str = Field(description="id of the fitted world")
-    verdict: Literal["follows", "follows_with_doubts", "does_not_follow"]
+    verdict: Literal["good", "doubtful", "poor"]
     doubts: list[str]
     kept: str | None = Field(default=None, description="facts taken from an earlier call, since this gave none")
     errors: list[BodyError] | None = Field(

@@ -17,7 +17,7 @@ from atw_mcp.calls.jobs import LongWork, Progress
 from atw_mcp.calls.names import object_name
 from atw_mcp.calls.results import Answer, explained
 from atw_mcp.calls.toolbox import ToolGroup
-from atw_mcp.probing.asking import answered, brief, in_words
+from atw_mcp.probing.asking import answered, brief, disagree, in_words
 from atw_mcp.probing.candidates import counts, mixture, weights
 from atw_mcp.probing.ensembles import LEAST, MEMBERS, Ensemble, compute_ensemble, lineage
 from atw_mcp.probing.questions import AGGREGATIONS, SCANNED, Asked, HowFar, Question, scanned
@@ -149,7 +149,7 @@ def ask(
                 ]
                 ensemble = mixture(parts, [shares[k] for k in order], [sizes[k] for k in order])
                 for i in plan.numbers:
-                    alone = _by_world(app, bases, plan, parts, read[i], horizon)
+                    alone = _by_world(app, bases, [shares[k] for k in order], plan, parts, read[i], horizon)
                     rows[i] = _answer(app, found, plan, rollout, best, read[i], ensemble, alone, questions[i])
         weighed = None if worlds is None else {named[k].id: float(shares[k]) for k in range(len(named))}
         return _together(found, base, [rows[i] for i in range(len(read))], horizon, observed, weighed)
@@ -210,11 +210,11 @@ def _answer(
     best: Rollout,
     asked: Asked,
     ensemble: Ensemble,
-    alone: dict[str, Any] | None,
+    alone: dict[str, Any],
     given: Any,
 ) -> dict[str, Any]:
     """Answer one question and record it as evidence of its own."""
-    about = answered(asked, ensemble, best, plan.worlds[0]) | ({} if alone is None else {"by_world": alone})
+    about = answered(asked, ensemble, best, plan.worlds[0]) | alone
     samples = [lineage(app, case, world).sample for world in plan.worlds]
     unseen = {name.removeprefix("objects.") for sample in samples for name in sample.document["from_prior"]}
     named = [about["decided_by"]["parameter"]] if about.get("decided_by") else []
@@ -246,18 +246,25 @@ def _answer(
 
 
 def _by_world(
-    app: App, bases: tuple[World, ...], plan: _Plan, parts: list[Ensemble], asked: Asked, horizon: float
-) -> dict[str, Any] | None:
-    """Return what each of several candidates answers by itself: a probability, or medians; None for one alone."""
+    app: App,
+    bases: tuple[World, ...],
+    shares: list[float],
+    plan: _Plan,
+    parts: list[Ensemble],
+    asked: Asked,
+    until: float,
+) -> dict[str, Any]:
+    """Return what each of several candidates answers by itself, in words, and whether they disagree; empty for one."""
     if len(parts) < 2:
-        return None
-    found: dict[str, Any] = {}
-    for base, world, part in zip(bases, plan.worlds, parts, strict=True):
-        about = answered(asked, part, compute_rollout(app, world, horizon)[1], world)
-        medians = [round(about["place"][axis]["median"], 3) for axis in "xyz"] if "place" in about else None
-        value = round(about["value"]["median"], 3) if "value" in about else None
-        found[base.id] = about.get("probability", about.get("probabilities", medians or value))
-    return found
+        return {}
+    rows = [
+        answered(asked, part, compute_rollout(app, world, until)[1], world)
+        for world, part in zip(plan.worlds, parts, strict=True)
+    ]
+    kinds = {True: "planar: bodies slide and turn, and do not roll", False: "spatial"}
+    named = [f"{base.id} (weight {share:.2g}, {kinds[base.planar]})" for base, share in zip(bases, shares, strict=True)]
+    said = [in_words(row, [], set(), asked.latest or until) for row in rows]
+    return {"by_world": dict(zip(named, said, strict=True)), "disagree": disagree(rows, shares) or None}
 
 
 def _with_edits(plan: _Plan, question: str) -> str:

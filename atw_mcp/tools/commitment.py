@@ -21,13 +21,15 @@ GROUP = ToolGroup("world construction")
 def commit_world(
     app: App,
     case: CaseId,
-    world: Annotated[str, Field(description="id of the world every probe will start from")],
+    world: Annotated[
+        str | None, Field(description="id of the world every probe will start from; default: the latest draft")
+    ] = None,
     even_if_failed: Annotated[bool, Field(description="commit a world whose fit failed all the same")] = False,
 ) -> Answer:
     """Choose the world that probes of this case start from. The case may be modelled further and another world
     committed: each commit is evidence, and an answer names the world it rests on. Next: Ask."""
     found = app.case(case)
-    chosen = app.world(found, world)
+    chosen = app.draft(found, world)
     judged = verdict_of(app, chosen.id)
     verdict = "good" if judged is None else judged["verdict"]
     if judged is not None and verdict == "failed" and not even_if_failed:

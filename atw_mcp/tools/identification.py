@@ -32,6 +32,7 @@ from atw_mcp.fitting.reading import (
     notes,
     open_questions,
     prediction_in_words,
+    sharing,
     verdict_in_words,
 )
 from atw_mcp.observation.observing import modelled_tracks
@@ -250,6 +251,7 @@ def _fit_answer(
     better = lower_draft([app.store.evidence.get(item) for item in fits], document, observation)
     cancelled = "cancelled; best so far: " if document["status"] == "cancelled" else ""
     sample = stored_sample(app, fitted.id)
+    pooled = "" if len(document["study"]) > 1 else sharing(app, case, fitted.id, document["values"])
     shape = accuracy.get("shape_rms_in_sigma") if accuracy else None
     shown = {
         "world": fitted.id,
@@ -285,7 +287,7 @@ def _fit_answer(
         "study": document["study"],
         "rollouts": document["rollouts"],
         "computed_now": not again,
-        "next": next_step(case.id, fitted.id, document),
+        "next": next_step(case.id, fitted.id, document, pooled),
     }
     step, frames = fitted.time.seconds_per_frame, document["fitted_frames"]
     ahead = prediction_in_words(document)

@@ -9,7 +9,6 @@ from atw_mcp.viewer.document import Chance, Following
 from evidence_store import EvidenceStore, RecordDamaged, UnknownRecord
 
 RANK = ("good", "doubtful", "poor", "failed")
-OF_VIDEO = {"follows": "good", "follows_with_doubts": "doubtful", "does_not_follow": "poor"}
 UNREADABLE = (RecordDamaged, UnknownRecord, KeyError, TypeError, ValueError)
 
 
@@ -47,7 +46,7 @@ def _fitted(evidence: str, data: Mapping[str, Any]) -> Following:
 
 
 def _modelled(evidence: str, data: Mapping[str, Any], fitted: Following | None) -> Following:
-    verdict: Any = OF_VIDEO[data["verdict"]]
+    verdict: Any = data["verdict"]
     if fitted is not None and RANK.index(fitted.verdict) >= RANK.index(verdict):
         return fitted
     doubts = [*data["doubts"], *(() if fitted is None else fitted.doubts)]

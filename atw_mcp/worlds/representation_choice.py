@@ -18,9 +18,9 @@ from polyworld.world.shapes import BodyShape
 Representation = Literal["auto", "planar", "spatial"]
 Chosen = Literal["planar", "spatial"]
 
-# An object counts as staying on its plane while its height varies less than this share of its half height,
-# or than this many standard deviations of its measured position.
-HEIGHT_SHARE, HEIGHT_SIGMAS = 0.25, 4.0
+# An object stays on its plane while its height varies by less than this share of its half height, or scatters by no
+# more than its noise: the scatter of n samples has an error of 1/sqrt(2n), of which this many are allowed.
+HEIGHT_SHARE, SCATTER_ERRORS = 0.25, 4.0
 LYING = 0.5  # cosine of the angle between the vertical and the axis of what lies on its side
 
 
@@ -85,9 +85,9 @@ def _level(tracks: ObservedTracks, half_heights: Mapping[str, float], *, heights
         height = tracks.positions[rows, column, 2]
         swing = float(np.ptp(height))
         sigma = float(np.median(tracks.height_sigma[rows, column]))
-        allowed = max(HEIGHT_SHARE * half_heights[name], HEIGHT_SIGMAS * sigma)
-        if swing > allowed:
-            return "spatial", f"{name} rises or falls by {swing:.3g} m, more than the {allowed:.3g} m of level motion"
+        noise = sigma * (1.0 + SCATTER_ERRORS / np.sqrt(2.0 * max(len(height) - 1, 1)))
+        if swing > HEIGHT_SHARE * half_heights[name] and height.std() > noise:
+            return "spatial", f"{name} rises or falls by {swing:.3g} m, more than its size and its noise allow"
     if not tracks.names:
         return "spatial", "nothing was observed that would confine it to a plane"
     return "planar", "every object keeps its height"

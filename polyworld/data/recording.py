@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.data.tracks import ObservedTracks
+from polyworld.data.tracks import ObservedTracks, continuous, frame_grid
 
 Array = NDArray[np.float64]
 
@@ -113,12 +113,40 @@ class Run:
             symmetry=tracks.symmetry,
         )
 
+    def to_tracks(self) -> ObservedTracks:
+        """Return the run as tracks, as a fit takes them: places of which all components were measured, their noise as
+        stated or 0, which a fit reads off the places. Raises ValueError where there are none."""
+        seen: NDArray[np.bool_] = np.all(np.isfinite(self.positions), axis=2)
+        if not seen.any():
+            raise ValueError(f"run {self.name!r}: no place of which x, y and z were all measured")
+        turned = np.isfinite(self.orientations).all(axis=2)
+        frames, step, clock = frame_grid(self.times - self.times[0])
+        return ObservedTracks(
+            names=self.names,
+            frames=frames,
+            seconds_per_frame=step,
+            positions=np.where(seen[..., None], self.positions, np.nan),
+            position_sigma=np.where(seen, self.sigma or 0.0, np.nan),
+            orientations=np.stack([continuous(q) for q in self.orientations.swapaxes(0, 1)], axis=1),
+            confidence=seen.astype(float),
+            orientation_confidence=turned.astype(float),
+            symmetry=self.symmetry,
+            clock=None if np.array_equal(frames, clock) else clock,
+        )
+
+    def __repr__(self) -> str:
+        span = f"{self.times[0]:.4g} to {self.times[-1]:.4g} s" if len(self.times) else "empty"
+        return f"Run({self.name!r}: {', '.join(self.names)}; {len(self.times)} instants, {span})"
+
 
 @dataclass(frozen=True)
 class Recording:
     """All runs of a case."""
 
     runs: tuple[Run, ...]
+
+    def __repr__(self) -> str:
+        return f"Recording of {len(self.runs)} runs: " + ", ".join(map(repr, self.runs))
 
     def __post_init__(self) -> None:
         names = [r.name for r in self.runs]

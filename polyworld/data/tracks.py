@@ -241,6 +241,15 @@ def frame_grid(times: Array, seconds_per_frame: float | None = None) -> tuple[ND
     return frames, step, times / step
 
 
+def continuous(quaternions: Array) -> Array:
+    """Quaternions (T, 4) with signs chosen so that neighbours are close."""
+    result = quaternions.copy()
+    for t in range(1, len(result)):
+        if result[t] @ result[t - 1] < 0:
+            result[t] = -result[t]
+    return result
+
+
 def shapes_only(
     shapes: tuple[ShapeSeries, ...], frames: NDArray[np.int64], seconds_per_frame: float, clock: Array | None = None
 ) -> ObservedTracks:

@@ -45,6 +45,11 @@ def without(world: World, name: str, part: str | None = None) -> World:
     return World.model_validate(data)
 
 
+def without_pulses(world: World) -> World:
+    """The world without the pulses that a fit added at collisions: as it was before that fit."""
+    return world.model_copy(update={"effects": tuple(e for e in world.effects if e.kind != SLACK)})
+
+
 def _forget(data: dict[str, Any], name: str) -> None:
     """Take out of a world's description what refers to an object that is gone."""
     effects = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from polyworld.data.initial_states import with_initial_states
 from polyworld.data.tracks import ObservedTracks
+from polyworld.edits.removal import without_pulses
 from polyworld.estimation.accuracy import predicted
 from polyworld.estimation.declared import Rolling, constants, with_resistance
 from polyworld.estimation.fit_settings import FitSettings
@@ -52,12 +54,14 @@ Watch = Callable[[float, str, float], None]
 
 @dataclass(frozen=True)
 class FitOptions:
-    """Request of a fit. edit: changes the declared constants. states: whether initial states are fitted. share:
+    """Request of a fit. only: names or parameter paths of the constants to fit, which else are all; the others keep the
+    world's values. edit: changes the declared constants. states: whether initial states are fitted. share:
     part of the frames at the end that is left out at first, to see how well the rest predicts it. holdout: frame from
     which on the fit sees nothing at all, in place of that.
     """
 
     method: Method = "least_squares"
+    only: tuple[str, ...] | None = None
     edit: Edit | None = None
     states: bool = True
     time_base: bool = False
@@ -98,7 +102,7 @@ class _Fit:
         cancelled: Callable[[], bool] | None,
     ) -> None:
         self.options, self.settings, self._watch, self._cancelled = options, settings, watch, cancelled
-        self.study = Study(tuple(replace(r, world=with_resistance(r.world)) for r in study.runs))
+        self.study = Study(tuple(replace(r, world=with_resistance(without_pulses(r.world))) for r in study.runs))
         held = options.holdout
         self.shown = [r.tracks if held is None else _before(r.tracks, held) for r in study.runs]
         self.noise = [track_sigma(tracks) for tracks in self.shown]
@@ -183,6 +187,8 @@ class _Fit:
         """Lay the runs out; cut: at their collisions."""
         shared = constants(self.study, self.settings.priors, rolling=rolling, time_base=self.options.time_base,
                            materials=self.options.materials)  # fmt: skip
+        if self.options.only is not None:
+            shared = _chosen(shared, self.options.only)
         if self.options.edit is not None:
             shared = self.options.edit(shared)
         runs = []
@@ -211,6 +217,8 @@ class _Fit:
             blocks.append(
                 Block(run.name, world, sample_times(world, part.tracks), readout, states, part.link, groups=part.groups)
             )
+        for before, after in itertools.pairwise(blocks):
+            before.after = after
         return blocks
 
     # -- report --------------------------------------------------------------------------------------------------
@@ -326,6 +334,15 @@ def _cut(tracks: ObservedTracks, share: float) -> int | None:
     count = len(tracks.frames)
     left = round(share * count)
     return int(tracks.frames[count - left]) if left >= 2 and count - left >= 8 else None
+
+
+def _chosen(shared: list[Unknown], only: Sequence[str]) -> list[Unknown]:
+    """Return the constants of these names or paths; raises ValueError naming the choices."""
+    for name in only:
+        if not any(name in (u.name, *u.paths) for u in shared):
+            choices = sorted({label for u in shared for label in (u.name, *u.paths)})
+            raise ValueError(f"no constant {name!r} to fit; there are: {', '.join(choices)}")
+    return [u for u in shared if {u.name, *u.paths} & {*only}]
 
 
 def _before(tracks: ObservedTracks, frame: int) -> ObservedTracks:

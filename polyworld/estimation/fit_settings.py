@@ -68,8 +68,8 @@ class LinkSettings:
     gain: chi-square by which two quadratics must beat one cubic about an instant for a velocity jump: a ninth of a
     sample's worth of noise does it once in a million instants. window: samples on either side. Bodies that take part
     keep their place to `place` [m] and their velocity to a share `jump` of the largest change of velocity, what rigid
-    impact models are off by; the others to `close` [m] and `near` [m/s], hundredths of ordinary sizes and speeds; spin
-    [rad/s] likewise. again: frames within which a second contact of a pair is part of the same collision.
+    impact models are off by; the others to `close` [m] and `near` [m/s], hundredths of ordinary sizes and speeds. Their
+    surfaces turn as exactly. again: frames within which a second contact of a pair is part of the same collision.
     """
 
     gain: float = 40.0
@@ -78,7 +78,6 @@ class LinkSettings:
     jump: float = 0.1
     close: float = 0.003
     near: float = 0.03
-    spin: float = 0.1
     again: int = 6
 
 

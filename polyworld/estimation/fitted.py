@@ -47,8 +47,11 @@ class FittedConstant:
     @property
     def at_bound(self) -> bool:
         """Whether the value lies on a bound that is no physical zero."""
-        u, width = self.unknown, self.unknown.upper - self.unknown.lower
-        return self.value > u.upper - 0.01 * width or (self.value < u.lower + 0.01 * width and u.lower > 0.0)
+        u = self.unknown
+        ends = np.array([u.lower, self.value, u.upper])
+        low, value, high = np.log(np.maximum(ends, TINY)) if u.scale == "log" else ends
+        near = 0.01 * (high - low)
+        return bool(value > high - near or (value < low + near and u.lower > 0.0))
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,9 @@ class FittedRun:
     slack: tuple[float, ...]
     frames: tuple[int, int]
 
+    def __repr__(self) -> str:
+        return f"FittedRun({self.name!r}: {self.world.id}, frames {self.frames[0]} to {self.frames[1]})"
+
 
 @dataclass(frozen=True)
 class StudyFit:
@@ -90,6 +96,25 @@ class StudyFit:
     rollouts: int
     seconds: float
     cancelled: bool
+
+    def summary(self) -> str:
+        """Return constants with their 80% intervals, and of each run how it follows and predicts, a line each."""
+        lines = [f"Fit of {len(self.runs)} runs by {self.method}: mean robust chi-square {self.misfit:.3g} a component"]
+        for found in self.constants:
+            low, high = found.interval
+            prior = ", from the prior" if found.informed < 0.5 else ""
+            unit = "" if found.unknown.unit == "1" else f" {found.unknown.unit}"
+            lines.append(f"  {found.unknown.name}: {found.value:.4g}{unit}, 80% {low:.4g} to {high:.4g}{prior}")
+        for run in self.runs:
+            said = [] if run.accuracy is None else [f"off by {run.accuracy.position:.2g} m rms"]
+            if run.prediction is not None:
+                worst = max(b.error for b in run.prediction.bodies)
+                said.append(f"predicts frames from {run.prediction.frame} on, left out at first, to {worst:.2g} m")
+            lines.append(f"  run {run.name}: {'; '.join(said) or 'diverges'}")
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return self.summary()
 
     def constant(self, name: str) -> FittedConstant:
         """Return a constant by name; raises KeyError naming the choices."""

@@ -17,6 +17,7 @@ from polyworld.estimation.stretches import Link
 from polyworld.estimation.unknown import StateMap, Unknown
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
+from polyworld.world.symmetry import rotation_vector
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -52,7 +53,8 @@ class Block:
     """A run, or a stretch of one.
 
     times (T,) [s]: instants at which it was measured, since its start. observed_by: path -> parameters (k,) of worlds
-    that follow from others, such as a clock's; None where nothing does. observer: (motion, parameters `observer.*`
+    that follow from others, such as a clock's; None where nothing does. after: the stretch that `link` leads to.
+    observer: (motion, parameters `observer.*`
     (k,)) -> the motion as it is observed; None where it is as it was. groups: a partition of the bodies into those that
     may act on one another; () where all may.
     """
@@ -66,7 +68,9 @@ class Block:
     derive: Callable[[dict[str, Array]], Mapping[str, Array]] | None = None
     observer: Callable[[BatchTrajectory, Mapping[str, Array]], BatchTrajectory] | None = None
     groups: tuple[frozenset[str], ...] = ()
+    after: Block | None = None
     seat: Seat = field(init=False, repr=False)
+    bound: Ints = field(init=False, repr=False)
     _terms: dict[str, list[tuple[int, float, bool, float]]] = field(init=False, repr=False)
 
     def prepare(self, shared: Sequence[Unknown], machines: Machines) -> None:
@@ -81,6 +85,12 @@ class Block:
                 if path in known and u.run in (None, self.name) and (self.name, path) not in u.elsewhere:
                     self._terms.setdefault(path, []).append((i, power, u.scale == "log", u.lower))
         self._limits = {path: (spec.lower, spec.upper) for path, spec in known.items()}
+        if self.link and self.after:  # places and velocities; turns and spins where they are the next stretch's to fit
+            _, slopes = _start(self.after, self.link, self.after.states.start[None])
+            kept = (slopes != 0.0).any(axis=1).reshape(-1, 4, 3)
+            kept[:, :2] = True
+            kept[:, 2] &= np.array([[n in self.link.turns] for n in self.link.place])
+            self.bound = np.flatnonzero(kept)
 
     def touched(self, shared: Sequence[Unknown]) -> Flags:
         """Return which groups (S + N, G) every coordinate moves: all where it is not of certain bodies alone."""
@@ -100,7 +110,7 @@ class Block:
         """Return the group to which every residual (m,) belongs, and every component (q,) of the link's end."""
         index = {name: i for i, group in enumerate(self.groups) for name in group}
         owners = self.readout.owners(self.samples(most))
-        ends = np.repeat([index[n] for n in self.link.place], 6) if self.link and link else np.zeros(0)
+        ends = np.repeat([index[n] for n in self.link.place], 12)[self.bound] if self.link and link else np.zeros(0)
         return np.array([index[n] for n in owners], dtype=np.int64), ends.astype(np.int64)
 
     @property
@@ -149,10 +159,14 @@ class Block:
         residuals[broken | ~np.isfinite(residuals).all(axis=1)] = LOST
         if self.link is None or count < len(self.times):
             return Evaluated(residuals, None)
-        columns = [batch.names.index(n) for n in self.link.place]
-        place = batch.positions[:, len(self.times), columns] / np.array(list(self.link.place.values()))[:, None]
-        speed = batch.velocities[:, len(self.times), columns] / np.array(list(self.link.velocity.values()))[:, None]
-        end = np.concatenate([place, speed], axis=2).reshape(len(place), -1)
+        assert self.after is not None
+        columns, at = [batch.names.index(n) for n in self.link.place], len(self.times)
+        described = np.array([self.after.world.object(n).orientation for n in self.link.place])
+        turn = rotation_vector(batch.orientations[:, at, columns], described)
+        moved = batch.positions, batch.velocities, batch.angular_velocities
+        place, speed, spin = (values[:, at, columns] for values in moved)
+        end = np.stack([place, speed, turn, spin], axis=2) / self.link.deviations()[..., None]
+        end = end.reshape(len(end), -1)[:, self.bound]
         end[broken] = LOST
         return Evaluated(residuals, end)
 
@@ -165,17 +179,23 @@ def evaluate(settings: Sequence[tuple[Block, Array, Array]], most: float) -> lis
 
 def link_start(block: Block, before: Block, states: Array) -> tuple[Array, Array]:
     """Return where settings (k, N) of a stretch begin, in the units of the link before (k, q), and slopes (q, N)."""
-    link = before.link
-    assert link is not None
-    n, rows = states.shape[1], len(states)
+    assert before.link is not None
+    start, slopes = _start(block, before.link, states)
+    return start[:, before.bound], slopes[before.bound]
+
+
+def _start(block: Block, link: Link, states: Array) -> tuple[Array, Array]:
+    """Return place, velocity, turn and spin of every body of a link at the start of a block, and slopes."""
+    n, rows, deviations = states.shape[1], len(states), link.deviations()
     probes = np.concatenate([states, states[:1] + block.states.typical * np.eye(n)])
     found = block.states.overrides(probes, {})
-    start = np.zeros((len(probes), 6 * len(link.place)))
+    start = np.zeros((len(probes), len(link.place), 4, 3))
     for a, name in enumerate(link.place):
         item = block.world.object(name)
-        for f, (kind, sd) in enumerate((("position", link.place[name]), ("velocity", link.velocity[name]))):
+        first = (item.position, item.velocity, (0.0, 0.0, 0.0), item.angular_velocity)
+        for f, kind in enumerate(("position", "velocity", "rotation", "angular_velocity")):
             for c, axis in enumerate("xyz"):
-                path = f"objects.{name}.{kind}.{axis}"
-                start[:, 6 * a + 3 * f + c] = found.get(path, getattr(item, kind)[c]) / sd
-    slopes = (start[rows:] - start[0]) / block.states.typical[:, None]
-    return start[:rows], slopes.T
+                start[:, a, f, c] = found.get(f"objects.{name}.{kind}.{axis}", first[f][c]) / deviations[a, f]
+    flat = start.reshape(len(probes), -1)
+    slopes = (flat[rows:] - flat[0]) / block.states.typical[:, None]
+    return flat[:rows], slopes.T

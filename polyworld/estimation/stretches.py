@@ -31,13 +31,23 @@ class Link:
     """Bond of a stretch's end to the next one's start.
 
     time [s]: of the next one's start, counted from that of this one. place [m], velocity [m/s]: standard deviations by
-    object. who: takes part in the collision.
+    object; those of turn and spin are the same at its `radius` [m]. who: takes part in the collision. turns: objects
+    that look the same at one angle alone.
     """
 
     time: float
     place: dict[str, float]
     velocity: dict[str, float]
+    radius: dict[str, float]
     who: tuple[str, ...] = ()
+    turns: frozenset[str] = frozenset()
+
+    def deviations(self) -> Array:
+        """Return standard deviations (n, 4) of place, velocity, turn and spin of every object."""
+        own = [
+            (self.place[n], self.velocity[n], self.place[n] / r, self.velocity[n] / r) for n, r in self.radius.items()
+        ]
+        return np.array(own)
 
 
 @dataclass(frozen=True)
@@ -99,7 +109,7 @@ def collisions(
                 split = [[velocity_jump(times, points[:, i] / noise[i], r, settings) for i in (a, b)]
                          for r in (row, row + 1)]  # fmt: skip
                 first = int(np.argmax(np.sum(split, axis=1)))
-                if min(split[first]) > settings.gain:
+                if sum(split[first]) > settings.gain:
                     cuts.append((row + first, both))
     found: list[tuple[range, tuple[str, ...]]] = []
     for row, who in sorted(cuts):
@@ -146,7 +156,9 @@ def stretches(
         shared = [o.name for o in world.objects if here.world.object(o.name).start_time < later.begin - here.begin]
         place = {n: settings.place if n in who else settings.close for n in shared}
         velocity = {n: max(settings.jump * jump, settings.near) if n in who else settings.near for n in shared}
-        found[i] = replace(here, link=Link(later.begin - here.begin, place, velocity, who))
+        radius = {n: geometry.circumscribed_radius(world.object(n).shape) for n in shared}
+        turns = frozenset(n for n, order in zip(tracks.names, tracks.symmetry, strict=True) if order == 1)
+        found[i] = replace(here, link=Link(later.begin - here.begin, place, velocity, radius, who, turns))
     ends = [*(s.begin for s in found[1:]), np.inf]
     return tuple(
         replace(s, groups=together(world, tracks, noise, s.begin, end)) for s, end in zip(found, ends, strict=True)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
+from polyworld.data.recording import Recording
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import World
 
@@ -34,3 +36,14 @@ class Study:
             raise ValueError(
                 "runs of a study must be all planar or all spatial: BuildWorld(representation=...) builds them alike"
             )
+
+    @classmethod
+    def of(cls, world: World, recording: Recording) -> Self:
+        """Return the runs of a recording, in each of which the same world moves from a start of its own."""
+        runs = []
+        for run in recording.runs:
+            tracks = run.to_tracks()
+            time = {"seconds_per_frame": tracks.seconds_per_frame, "frame_count": int(tracks.frames[-1]) + 1}
+            timed = world.model_copy(update={"time": world.time.model_copy(update=time)})
+            runs.append(StudyRun(run.name, timed, tracks))
+        return cls(tuple(runs))

@@ -57,6 +57,27 @@ class GapReport:
         fitted = self.verdict.best.hypothesis.fitted_world(self.verdict.best.values)
         return fitted.with_substep(self.substep)
 
+    def summary(self) -> str:
+        """Return the verdict, every effect with its unknowns and 95% intervals, and errors on data left out."""
+        v = self.verdict
+        named = " and ".join(self.names) or "nothing"
+        lines = [
+            f"{v.kind}: {named}" if v.kind.startswith(("identified", "nothing")) else f"{v.kind}; nearest: {named}"
+        ]
+        for effect in effects_of(v.best):
+            for name, row in effect["unknowns"].items():
+                low, high = row["interval95"]
+                unit = "" if row["unit"] == "1" else f" {row['unit']}"
+                lines.append(f"  {effect['name']}, {name}: {row['value']:.4g}{unit}, 95% {low:.4g} to {high:.4g}")
+        lines.append(f"  error on data left out: {v.before:.3g} standard deviations before, {v.after:.3g} after")
+        others = [" and ".join(p.candidate.name for p in f.hypothesis.parts) or "nothing" for f in v.competitors]
+        lines += [f"  as near: {', '.join(others)}"] if others else []
+        lines += [f"  {text}" for text in (*v.reasons, *self.cautions)]
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return self.summary()
+
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready values; numbers that are not finite become None."""
         v = self.verdict

@@ -83,6 +83,10 @@ class Trajectory:
     active: Bools
     deformables: Mapping[str, PointMotion] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        span = f"{self.times[0]:.4g} to {self.times[-1]:.4g} s" if len(self.times) else "empty"
+        return f"Trajectory({', '.join(self.names)}; {len(self.times)} samples, {span})"
+
     def index(self, name: str) -> int:
         """Return the column of an object; raises KeyError naming the valid choices."""
         if name not in self.names:
@@ -149,6 +153,26 @@ class Rollout:
     diverged_reason: str | None = None
     truncated: Truncation | None = None
     contacts_until: float | None = None
+
+    def summary(self) -> str:
+        """Return how it ended and where each object began and ended, a line each."""
+        motion = self.trajectory
+        lines = [
+            f"Rollout of {self.world_id}: {self.horizon:.4g} s, {self.why_ended() or 'completed'}; "
+            f"{len(motion.times)} samples, {len(self.events)} events"
+        ]
+        for column, name in enumerate(motion.names):
+            rows = np.flatnonzero(motion.active[:, column])
+            if not len(rows):
+                lines.append(f"  {name}: not there before {self.horizon:.4g} s")
+                continue
+            begin, end = (", ".join(f"{x:.4g}" for x in motion.positions[row, column]) for row in rows[[0, -1]])
+            speed = float(np.linalg.norm(motion.velocities[rows[-1], column]))
+            lines.append(f"  {name}: ({begin}) to ({end}) m, at {speed:.4g} m/s")
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return self.summary()
 
     def why_ended(self) -> str | None:
         """Return when and why the run ended before its horizon, in words; None where it did not."""

@@ -185,3 +185,12 @@ def test_lists_and_objects_are_json_without_further_quotes() -> None:
         "build": '{"x": 1}',
         "s": '{"t": "a]b=[c"}',
     }
+
+
+def test_arguments_may_be_one_json_object() -> None:
+    step = read_line('said: Echo {"text": "a = {b}", "number": 2, "edits": [{"action": "remove"}]}')
+    assert step == Step("Echo", {"text": "a = {b}", "number": 2, "edits": [{"action": "remove"}]}, "said")
+    caller, _ = run([step, Step("Echo", {"number": "$said.number"})])
+    assert caller.calls == [step.arguments, {"number": 2}]
+    with pytest.raises(ScriptError, match="the arguments are no JSON object"):
+        read_line('Echo {"text": ')

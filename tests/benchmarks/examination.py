@@ -16,6 +16,7 @@ import json
 import re
 import tempfile
 import time
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -188,38 +189,53 @@ def _points(calibration: list[Key]) -> list[dict[str, Any]]:
     return [{"pixel": [c - 0.5 for c in p["pixel"]], "world": p["world"]} for p in calibration]
 
 
-async def answered(task: Task, folder: Path, sizes: list[int]) -> list[dict[str, Any]]:
-    """Return the answers that the policy gets. sizes: takes the number of characters of each result."""
-    async with Client(build_server(folder / f"{task.name}.db", allow=[task.clip.parent])) as agent:
+class Agent:
+    """Calls the tools of a server for a task, and counts the characters that each call returns."""
 
-        async def call(tool: str, **arguments: Any) -> dict[str, Any]:
-            result = await agent.call_tool(tool, arguments)
-            text = result.content[0].text
-            assert not result.is_error, text
-            sizes.append(len(text))
-            body: dict[str, Any] = json.loads(text)
-            while body["status"] == "running":
-                result = await agent.call_tool("ReadEvidence", {"evidence": body["evidence"], "wait_seconds": 50})
-                sizes.append(len(result.content[0].text))
-                body = json.loads(result.content[0].text)
-            assert body["status"] == "completed", body["summary"]
-            return body
+    def __init__(self, client: Client, task: Task) -> None:
+        self._client, self.task = client, task
+        self.sizes: list[int] = []
+        self.seconds = 0.0
+        self.made: dict[str, Any] = {}
 
-        made = await call("ModelVideo", video=str(task.clip), name=task.name, **task.known)
+    async def call(self, tool: str, **arguments: Any) -> dict[str, Any]:
+        """Return the result of a tool, waited for."""
+        began = time.perf_counter()
+        result = await self._client.call_tool(tool, arguments)
+        text = result.content[0].text
+        assert not result.is_error, text
+        self.sizes.append(len(text))
+        body: dict[str, Any] = json.loads(text)
+        while body["status"] == "running":
+            result = await self._client.call_tool("ReadEvidence", {"evidence": body["evidence"], "wait_seconds": 50})
+            self.sizes.append(len(result.content[0].text))
+            body = json.loads(result.content[0].text)
+        self.seconds += time.perf_counter() - began
+        assert body["status"] == "completed", body["summary"]
+        return body
+
+    async def model(self) -> None:
+        """Make a fitted world of the clip."""
+        task = self.task
+        self.made = await self.call("ModelVideo", video=str(task.clip), name=task.name, **task.known)
         if task.scene is not None:
             facts = {name: task.known[name] for name in ("objects", "motion_plane", "floor", "seconds_per_frame")}
-            seen = await call("BuildWorld", case=task.name, **facts)
+            seen = await self.call("BuildWorld", case=task.name, **facts)
             places = {o["name"]: o["position"] for o in seen["data"]["objects"]}
-            made = await call("ModelVideo", case=task.name, **pulley(task.scene, places))
-        await call("CommitWorld", case=task.name, world=made["data"]["world"], even_if_failed=True)
+            self.made = await self.call("ModelVideo", case=task.name, **pulley(task.scene, places))
+
+    async def answer(self) -> list[dict[str, Any]]:
+        """Commit the world last fitted, and ask everything."""
+        task = self.task
+        await self.call("CommitWorld", case=task.name, even_if_failed=True)
         built = task.known.get("build", {})
         described = [part["name"] for key in ("obstacles", "parts") for part in built.get(key, [])]
-        there = {*made["objects"], *described}
+        there = {*self.made["objects"], *described}
         asked = [q for q in task.questions if _names(q) <= there]  # the others cannot be answered
-        given = iter((await call("Ask", case=task.name, questions=asked))["data"]["answers"])
+        given = iter((await self.call("Ask", case=task.name, questions=asked))["data"]["answers"])
         answers: list[dict[str, Any]] = [next(given) if q in asked else {} for q in task.questions]
         cited = [a["evidence"] for a in answers if a]
-        await call("Finish", case=task.name, question=task.name, answer="see evidence", evidence=cited)
+        await self.call("Finish", case=task.name, question=task.name, answer="see evidence", evidence=cited)
         return answers
 
 
@@ -229,20 +245,37 @@ def _names(question: dict[str, Any]) -> set[str]:
     return {part[key] for part in parts for key in ("object", "a", "b") if key in part}
 
 
-async def examine(task: Task, folder: Path) -> dict[str, Any]:
-    """Answer the questions of a clip, and score them."""
-    sizes: list[int] = []
-    began, failed = time.perf_counter(), ""
+async def examine(tasks: list[Task], folder: Path, pooled: bool) -> list[dict[str, Any]]:
+    """Answer the questions of all clips, in one store, and score them. pooled: with constants shared by the clips."""
+    store = folder / f"{tasks[0].name}.db"
+    async with Client(build_server(store, allow=[task.clip.parent for task in tasks])) as client:
+        agents = [Agent(client, task) for task in tasks]
+        failed = {agent.task.name: (await attempted(agent.model))[1] for agent in agents}
+        modelled = [agent for agent in agents if not failed[agent.task.name]]
+        if pooled and len(modelled) > 1:
+            others = [agent.task.name for agent in modelled[1:]]
+            await modelled[0].call("FitWorld", case=modelled[0].task.name, cases=others)
+        return [await scored(agent, failed[agent.task.name]) for agent in agents]
+
+
+async def attempted(step: Callable[[], Awaitable[Any]]) -> tuple[Any, str]:
+    """Return what a step gives, or None and the error that a tool returned."""
     try:
-        answers = await answered(task, folder, sizes)
+        return await step(), ""
     except (AssertionError, BaseExceptionGroup) as error:
         while isinstance(error, BaseExceptionGroup):
             error = error.exceptions[0]
         if not isinstance(error, AssertionError):
             raise
-        answers, failed = [{}] * len(task.questions), str(error)[:200]
+        return None, str(error)[:200]
+
+
+async def scored(agent: Agent, failed: str) -> dict[str, Any]:
+    """Let an agent answer, and compare with the key."""
+    task = agent.task
+    answers, why = (None, failed) if failed else await attempted(agent.answer)
     right, errors, inside = [], [], []
-    for given, true in zip(answers, task.answers, strict=True):
+    for given, true in zip(answers or [{}] * len(task.questions), task.answers, strict=True):
         if isinstance(true, str):
             right.append("probability" in given and (given["probability"] > 0.5) == (true == "yes"))
             continue
@@ -252,8 +285,8 @@ async def examine(task: Task, folder: Path) -> dict[str, Any]:
         inside += [place["80%"][0] <= t <= place["80%"][1] for place, t in
                    ((place[axis], t) for axis, t in true.items())] if place else []  # fmt: skip
     return {
-        "right": right, "errors": errors, "inside": inside, "calls": len(sizes), "characters": sum(sizes),
-        "stays": task.stays, "seconds": time.perf_counter() - began, "failed": failed,
+        "name": task.name, "right": right, "errors": errors, "inside": inside, "calls": len(agent.sizes),
+        "characters": sum(agent.sizes), "stays": task.stays, "seconds": agent.seconds, "failed": why,
     }  # fmt: skip
 
 
@@ -262,6 +295,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=Path, help="folder that examination_scenes wrote; default: the sliding clips")
     parser.add_argument("--clips", nargs="*", help="names of some clips; default: all")
+    parser.add_argument("--pooled", action="store_true", help="one study: FitWorld(cases=[...]) shares constants")
     asked = parser.parse_args()
     if asked.scenes is not None:
         tasks = [scene_task(path.parent) for path in sorted(asked.scenes.glob("*/scene.json"))]
@@ -269,16 +303,17 @@ def main() -> None:
         tasks = [sliding_task(*item) for item in json.loads((FOLDER / "truth.json").read_text()).items()]
     else:
         parser.exit(1, f"the clips are not there: {FOLDER}\n")
+    tasks = [task for task in tasks if not asked.clips or task.name in asked.clips]
+    sessions = [tasks] if asked.pooled else [[task] for task in tasks]
     rows = []
     with tempfile.TemporaryDirectory() as folder:
-        for task in tasks:
-            if asked.clips and task.name not in asked.clips:
-                continue
-            row = anyio.run(examine, task, Path(folder))
-            rows.append(row)
-            places = " ".join(f"{e:.3f}" for e in row["errors"])
-            print(f"{task.name}: {sum(row['right'])} of {len(row['right'])}, places {places} m, {row['calls']} calls, "
-                  f"{row['characters']} characters, {row['seconds']:.0f} s {row['failed']}", flush=True)  # fmt: skip
+        for session in sessions:
+            for row in anyio.run(examine, session, Path(folder), asked.pooled):
+                rows.append(row)
+                places = " ".join(f"{e:.3f}" for e in row["errors"])
+                print(f"{row['name']}: {sum(row['right'])} of {len(row['right'])}, places {places} m, "
+                      f"{row['calls']} calls, {row['characters']} characters, {row['seconds']:.0f} s {row['failed']}",
+                      flush=True)  # fmt: skip
     every = {name: [x for row in rows for x in row[name]] for name in ("right", "errors", "inside", "stays")}
     over = f", over stays {np.median(every['errors']) / np.median(every['stays']):.3f}" if every["stays"] else ""
     print(f"all: {sum(every['right'])} of {len(every['right'])}, places {np.median(every['errors']):.3f} m{over}, "

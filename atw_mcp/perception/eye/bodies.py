@@ -10,12 +10,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from atw_mcp.perception.flight.surfaces import Surface, within
 from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
 from polyworld.world.geometry import plane_axes
 
 Floats = NDArray[np.float64]
 FLOOR = MotionPlane()
+SLOPING = 8  # steps to a place on a slope; each leaves the slope over that of the ray, under a third
 CIRCLE = np.stack([np.cos(np.arange(64) * np.pi / 32), np.sin(np.arange(64) * np.pi / 32)], axis=1)
 
 
@@ -65,7 +67,7 @@ class Solid:
     half (3,): half extents along its own axes [m]. On a plane that supports it, as a floor, it stands with its own z
     along the normal, or lies with it along the plane's x at angle 0; height is the rise of its lowest point, unknown
     only with `rises`. In an upright plane that does not, as of a side view, its centre is in the plane and its own z
-    along the plane's y.
+    along the plane's y. faces: of fixed solids, on which a sphere over them rolls in place of a level plane.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Solid:
     plane: MotionPlane = FLOOR
     rises: bool = False
     lies: bool = False
+    faces: tuple[Surface, ...] = ()
 
     @property
     def upright(self) -> bool:
@@ -98,7 +101,15 @@ class Solid:
     def middle(self, pose: Floats) -> Floats:
         """Centre (3,) in the world [m]."""
         above = (self.half[0 if self.lies else 2] if self.plane.supports else 0.0) + pose[3]
-        return np.asarray(np.asarray(self.plane.point) + np.array([pose[0], pose[1], above]) @ plane_axes(self.plane))
+        found = np.asarray(self.plane.point) + np.array([pose[0], pose[1], above]) @ plane_axes(self.plane)
+        level = found[2]
+        for face in self.faces:  # the highest that is below it bears it
+            lift = self.half[0] + pose[3]
+            there = np.array([found[0], found[1], 0.0])
+            there[2] = face.point[2] + (lift - (there - face.point)[:2] @ face.normal[:2]) / face.normal[2]
+            if there[2] > level and within(there - lift * face.normal, face, 0.0):
+                found, level = there, there[2]
+        return np.asarray(found)
 
     def _surface(self, pose: Floats) -> Floats:
         """Points (V, 3) in the world whose projection's hull is the silhouette."""
@@ -161,8 +172,12 @@ class Solid:
     def placed(self, pixel: Floats, like: Floats) -> Floats:
         """Pose whose centre is seen at a pixel (2,), angle and height those of `like`."""
         axes = plane_axes(self.plane)
-        place = self.camera.onto_plane(pixel, self.middle(like), axes[2]) - np.asarray(self.plane.point)
-        return np.array([place @ axes[0], place @ axes[1], like[2], like[3]])
+        pose, level = like, self.middle(like)
+        for _ in range(SLOPING if self.faces else 1):  # the height follows from the place, and the place from it
+            place = self.camera.onto_plane(pixel, level, axes[2]) - np.asarray(self.plane.point)
+            pose = np.array([place @ axes[0], place @ axes[1], like[2], like[3]])
+            level = self.middle(pose)
+        return pose
 
     def local(self, pose: Floats, points: Floats) -> Floats:
         """Places (..., 2) on the body, its silhouette about within -1..1: light and view do not rotate with it."""

@@ -116,7 +116,7 @@ def _is_of(region: Region, chain: _Chain, frames: Bytes, still: Still, settings:
 
 
 def _at_rest(name: str, region: Region, count: int, factor: float, confidence: float) -> Proposal:
-    seed = Seed(name, "outline", region.frame, _outline(region, factor))
+    seed = Seed(name, "outline", region.frame, outline_in_full(region, factor))
     body, span = replace(outline_body(name, seed), scales=True), (0, count - 1)
     return Proposal(body, (seed,), confidence, confidence, "body", False, span)
 
@@ -233,7 +233,7 @@ def _proposal(name: str, chain: _Chain, others: list[_Chain], factor: float, set
     usual = float(np.median([r.area for r in whole]))
     most = float(np.percentile([r.area for r in whole], 75))  # more often a part is missing than something is added
     clearest = max(whole, key=lambda r: r.solid * np.exp(-abs(np.log(r.area / most))) * min(0.5 + r.alone, 1.0))
-    seed = Seed(name, "outline", clearest.frame, _outline(clearest, factor))
+    seed = Seed(name, "outline", clearest.frame, outline_in_full(clearest, factor))
     solid = float(np.median([r.solid for r in whole]))
     spread = float(np.median(np.abs(np.log([r.area / usual for r in whole]))))
     bordering = np.mean([r.border for r in chain.regions])
@@ -275,7 +275,7 @@ def _follows(chain: _Chain, others: list[_Chain], settings: EyeSettings) -> bool
     return False
 
 
-def _outline(region: Region, factor: float) -> Floats:
+def outline_in_full(region: Region, factor: float) -> Floats:
     """Outline (V, 2) of a region in pixels of the whole frame."""
     padded = cv2.copyMakeBorder(region.mask.astype(np.float32), 2, 2, 2, 2, cv2.BORDER_CONSTANT, value=0)
     scale = 4

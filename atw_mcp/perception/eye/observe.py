@@ -131,9 +131,11 @@ def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
             parts = film.frames[[k, *chosen], rows, columns].astype(np.float32)
             own_look, *looks = (features(cv2.blur(part, (3, 3)), scene.settings) for part in parts)
             look = np.stack(looks)
-            spread = np.maximum(scene.settings.least_spread, np.sqrt(2) * scene.background.noise).astype(np.float32)
-            alike = (np.abs(look - own_look) < 3 * spread).all(axis=-1)
+            spread = np.maximum(scene.settings.least_spread, 6 * scene.background.noise).astype(np.float32)
+            alike = (np.abs(look - own_look) < spread).all(axis=-1)
             standing = alike[:, filled(scene.bodies[i].polygon(pose), corner, size)].mean(axis=1) > 0.5
+            if not standing.all():  # it has the background's look where it always seems to stand
+                alike[:, alike.all(axis=0)] = False
             covered[:, rows, columns] |= (alike | standing[:, None, None]) & mask
     return covered
 
@@ -318,7 +320,7 @@ def _continuity(
     usual = float(np.percentile(lengths, 90)) if len(lengths) > s.gap else 0.0
     breaks, piece = [], np.zeros(len(seen), int)
     for m, length in enumerate(lengths):
-        around = max(usual, *lengths[max(m - 1, 0) : m], *lengths[m + 1 : m + 2])
+        around = max((usual, *lengths[max(m - 1, 0) : m], *lengths[m + 1 : m + 2]))
         jumped = length - s.faster * around > s.jump * shape.radius(poses[seen[m + 1]])
         if jumped:
             breaks.append(int(seen[m + 1]))

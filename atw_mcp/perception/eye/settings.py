@@ -98,6 +98,17 @@ class EyeSettings:
     sharp_edge: float = 0.15  # [feature] across the outline of a body at rest: pools of light and vignettes are softer
     pattern: int = 6  # like regions at rest: more are tiles of the ground
 
+    # finding of known solids
+    named: float = 0.3  # probability of a colour's name from which on pixels are searched for it: of twelve names
+    named_frames: int = 8  # in which they are
+    misnamed: float = -3.0  # [log] of that of a region at the least: a twentieth
+    plane_size: float = 0.3  # [log area] of an outline about the silhouette on the plane: shade, unknown angle
+    unlikely: float = 1.5  # [nats] below even odds from which a region is not taken for a body
+    at_rest: float = 0.3  # odds that what has a body's colour but is not seen to move is one
+    misfit: float = 0.1  # of a silhouette's area, by which it differs from an outline: shade, rounded edges
+    free_depth: float = 0.7  # [log distance] of a body anywhere in view
+    overlap: float = 0.6  # of outline and silhouette on the plane, over both: less is another shape
+
     # assignment
     meeting: float = 1.2  # [sums of radii] between look-alikes below which they may be exchanged
     orders: int = 48  # best assignments kept from one meeting to the next

@@ -55,7 +55,7 @@ def test_a_thrown_ball_is_followed_through_the_air_and_its_rebound_is_found(
 ) -> None:
     session, made = modelled
     data = made["data"]
-    assert data["verdict"].startswith("follows")
+    assert data["verdict"] in ("good", "doubtful")
     built = next(step for step in data["steps"] if step["tool"] == "BuildWorld")
     assumed = session("ReadEvidence", evidence=built["evidence"])["data"]["assumed"]
     assert any("ball leaves the floor (in free flight in frames 0.." in text for text in assumed)

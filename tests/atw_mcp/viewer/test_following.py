@@ -18,8 +18,8 @@ def test_worse_of_two_verdicts_and_probabilities_of_members(tmp_path: Path) -> N
 
     add("FitWorld", world="a", verdict="good", why="", warnings=[], accuracy={"position_rmse": 0.01}, held_out=None)
     fit = add("FitWorld", world="b", verdict="poor", why="off", warnings=[], accuracy=None, held_out=None)
-    video = add("ModelVideo", world="a", verdict="does_not_follow", doubts=["the ball is 0.13 m off"])
-    add("ModelVideo", world="b", verdict="follows_with_doubts", doubts=[])
+    video = add("ModelVideo", world="a", verdict="poor", doubts=["the ball is 0.13 m off"])
+    add("ModelVideo", world="b", verdict="doubtful", doubts=[])
     found = followings(store, "ball")
     assert (found["a"].verdict, found["a"].rms, found["a"].evidence) == ("poor", 0.01, video)
     assert found["a"].doubts == ["the ball is 0.13 m off"]

@@ -1,4 +1,4 @@
-"""Planar or spatial: a box whose height is hardly known is still no level motion where it was seen to fly."""
+"""Planar or spatial: what flies is no level motion, though its height is hardly known, and noise of heights is."""
 
 from __future__ import annotations
 
@@ -36,10 +36,22 @@ def toss(spread: float) -> ObservedTracks:
     ("spread", "airborne", "expected"), [(0.0, False, "spatial"), (0.3, True, "spatial"), (0.3, False, "spatial")]
 )
 def test_a_box_that_flies_gets_a_spatial_world(spread: float, airborne: bool, expected: str) -> None:
+    assert chosen(toss(spread), airborne) == expected
+
+
+def test_noise_of_the_height_of_a_box_on_the_floor_is_no_flight() -> None:
+    for seed in range(200):
+        tracks = toss(0.0)
+        tracks.positions[..., 2] = 0.05 + np.random.default_rng(seed).normal(0.0, 0.005, (COUNT, 1))
+        assert chosen(tracks, airborne=False) == "planar"
+
+
+def chosen(tracks: ObservedTracks, airborne: bool) -> str:
+    """Representation of a world of the box."""
     shape = Box(half_extents=(0.05, 0.05, 0.05))
-    choice = choose(
+    return choose(
         "auto",
-        toss(spread),
+        tracks,
         {"box": 0.05},
         {"box": shape},
         statics=(),
@@ -48,5 +60,4 @@ def test_a_box_that_flies_gets_a_spatial_world(spread: float, airborne: bool, ex
         parts=Parts(),
         heights_assumed=False,
         airborne=frozenset({"box"} if airborne else ()),
-    )
-    assert choice.kind == expected
+    ).kind

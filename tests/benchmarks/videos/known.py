@@ -13,7 +13,7 @@ from atw_mcp.perception.calibration import calibrate_from_points
 from atw_mcp.perception.known_bodies import observe_known
 from atw_mcp.perception.known_scene import KnownScene
 from atw_mcp.perception.observation import ImageObservation
-from atw_mcp.perception.observe import observe
+from atw_mcp.perception.video import load
 from atw_mcp.tools.known_objects import bodies_of, corners_of
 from atw_mcp.tools.world_arguments import ObstacleArgument, ShapeArgument
 from tests.benchmarks.foresight.scene import DEFORMABLE, obstacles_of, shape_of
@@ -38,7 +38,8 @@ def observe_as_known(file: Path, _labels: Labels, _bodies: list[str]) -> ImageOb
         pixel, frame = (None, None) if said is None else ((said["pixel"][0], said["pixel"][1]), said["frame"])
         things.append(Known(thing["name"], shape, thing["color"], pixel=pixel, frame=frame))
     if not things:
-        return observe(file)  # cloth and rope are not looked for
+        info, frames = load(file)
+        return ImageObservation(info, tuple(range(len(frames))), ())  # cloth and rope are not looked for
     obstacles = [ObstacleArgument.model_validate(item) for item in obstacles_of(known)]
     fixtures = corners_of([static for item in obstacles for static in item.to_statics(_no_meshes)])
     bodies, solids = bodies_of(things)

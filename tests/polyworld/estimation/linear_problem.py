@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -82,13 +83,15 @@ class LinearProblem(Problem):
         for count in runs:
             run = []
             for b in range(count):
-                link = Link(1.0, {"ball": PLACE}, {"ball": SPEED}, ("ball",)) if b + 1 < count else None
+                link = Link(1.0, {"ball": PLACE}, {"ball": SPEED}, {"ball": 0.1}, ("ball",)) if b + 1 < count else None
                 block = Block(f"run {len(blocks)}", BALL, np.arange(3.0), Rows(rows), states, link)
                 self.laws[id(block)] = Linear(
                     scale * rng.normal(size=rows), rng.normal(size=(rows, s)), rng.normal(size=(rows, 6))
                 )
                 self.ends[id(block)] = Linear(rng.normal(size=6), rng.normal(size=(6, s)), rng.normal(size=(6, 6)))
                 run.append(block)
+            for before, after in itertools.pairwise(run):
+                before.after = after
             blocks.append(run)
         super().__init__(blocks, unknowns, DescentSettings(huber=huber, iterations=60, rest=1e-10))
 

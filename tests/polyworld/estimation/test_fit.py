@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from polyworld.estimation.fitted import FittedConstant, StudyFit
 from polyworld.estimation.noise import track_sigma
 from polyworld.estimation.readout import sample_times
 from polyworld.estimation.study import Study, StudyRun
+from polyworld.estimation.unknown import Unknown
 from polyworld.solver.rollout import rollout, simulator
 from tests.polyworld.estimation.pucks import CROSSING, FRAME, RADIUS, SIGMA, clip, discs, tracks, world
 from tests.polyworld.synthetic import of_one
@@ -202,6 +204,15 @@ def test_one_start_leads_through_a_collision_by_its_pulses(struck: StudyFit) -> 
     assert found == pytest.approx(expected, abs=0.03)
 
 
+def test_a_fitted_world_is_fitted_again_as_before(struck: StudyFit) -> None:
+    """The pulses of the first fit belong to it: neither do they act in the second, nor do their names collide."""
+    run = replace(struck_otherwise(), world=struck.runs[0].world)
+    again = fit(Study((run,)), WHOLE)
+    first, second = (f.constant("friction of wood").value for f in (struck, again))
+    assert second == pytest.approx(first, rel=0.02)
+    assert len(again.runs[0].world.effects) == len(struck.runs[0].world.effects)
+
+
 def test_frames_held_out_do_not_inform() -> None:
     run = two(frames=40)
     spoiled = run.tracks.positions.copy()
@@ -286,3 +297,18 @@ def test_what_cannot_be_fitted_is_refused() -> None:
         fit(of_one(run.world, other))
     with pytest.raises(ValueError, match="nothing to fit"):
         fit(Study((run,)), FitOptions(states=False, edit=lambda _: []))
+
+
+@pytest.mark.parametrize(
+    ("scale", "value", "at"),
+    [
+        ("log", 0.0104, False),
+        ("log", 0.00051, True),
+        ("log", 1.99, True),
+        ("linear", 0.01, True),
+        ("linear", 0.1, False),
+    ],
+)
+def test_bounds_are_near_on_the_scale_of_the_constant(scale: Any, value: float, at: bool) -> None:
+    unknown = Unknown("rolling", ("a.b",), "m", 1e-2, 5e-4, 2.0, 1.0, scale=scale)
+    assert FittedConstant(unknown, value, 0.0, (value, value), 1.0, np.zeros(0)).at_bound is at

@@ -1,0 +1,239 @@
+"""Find known solids in a film: which regions that move, stand out or have its colour are each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from atw_mcp.perception.eye.bodies import Solid
+from atw_mcp.perception.eye.colour_names import log_look, log_name
+from atw_mcp.perception.eye.discover import discover, outline_in_full
+from atw_mcp.perception.eye.pixels import Bytes, Floats, Mask, filled
+from atw_mcp.perception.eye.regions import reduced
+from atw_mcp.perception.eye.seeds import Seed
+from atw_mcp.perception.eye.settings import EyeSettings
+
+Pointed = tuple[int, tuple[float, float]]  # frame and pixel
+
+
+@dataclass(frozen=True)
+class Found:
+    """A solid's outline at the frame that shows it best. on_plane: its silhouette on its plane of motion is that."""
+
+    seed: Seed
+    on_plane: bool
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """What may be a body: outlines (V, 2) [px] by frame, the frame that shows it best, and log odds that it is one."""
+
+    outlines: Mapping[int, Floats]
+    best: int
+    prior: float
+
+    def sampled(self, most: int) -> list[int]:
+        frames = sorted(self.outlines)
+        return [frames[k] for k in np.unique(np.linspace(0, len(frames) - 1, min(most, len(frames))).astype(int))]
+
+
+def find_solids(
+    frames: Bytes,
+    bodies: Sequence[Solid],
+    words: Mapping[str, str],
+    pointed: Mapping[str, Pointed],
+    settings: EyeSettings,
+    fixed: Mask | None = None,
+    tick: Callable[[], None] = lambda: None,
+) -> dict[str, Found]:
+    """Find solids by name: those that some region of frames (T, H, W, 3) of BGR bytes is likely to be.
+
+    Each pair's log likelihood is that of the colour's name, of size and shape on the plane of motion or anywhere in
+    view, and of being a body at all; together they are largest, and a region is one body's. pointed: a frame and a
+    pixel on a body. fixed (H, W): pixels of known things that never move.
+    """
+    names, extra = set(words.values()), sorted({k for k, _ in pointed.values()})
+    candidates = _candidates(frames, names, extra, fixed, settings, tick)
+    gains = np.full((len(bodies), len(candidates)), -np.inf)
+    clearest: dict[tuple[int, int], tuple[float, int]] = {}  # log likelihood and frame, by body and candidate
+    for j, candidate in enumerate(candidates):
+        looks = {k: _looks(frames[k], candidate.outlines[k], names) for k in candidate.sampled(8)}
+        for i, body in enumerate(bodies):
+            if body.name in pointed and not _shows(candidate, *pointed[body.name]):
+                continue
+            look = {k: own[words[body.name]] if body.name in words else 0.0 for k, own in looks.items()}
+            usual = float(np.median(list(look.values())))
+            if usual > settings.misnamed:
+                fits = {k: _log_fit(body, candidate.outlines[k], settings) for k in look}
+                gains[i, j] = usual + max(fits.values()) + candidate.prior
+                clearest[i, j] = max((look[k] + fits[k], k) for k in look)
+    groups: list[list[int]] = []  # of one body
+    for j, one in enumerate(candidates):
+        same = [g for g in groups if any(_same(one, candidates[k]) for k in g)]
+        groups = [g for g in groups if g not in same] + [[j, *(k for g in same for k in g)]]
+    if not groups or not bodies:
+        return {}
+    best = np.array([[max(g, key=lambda j: own[j]) for g in groups] for own in gains])
+    price = -np.take_along_axis(gains, best, axis=1)
+    price = np.c_[np.where(np.isfinite(price), price, 1e6), np.full((len(bodies), len(bodies)), 1e3)]
+    found: dict[str, Found] = {}
+    for i, g in zip(*linear_sum_assignment(price), strict=True):
+        if g < len(groups) and price[i, g] < settings.unlikely:
+            (_, frame), j = max((clearest[i, j], j) for j in groups[g] if (i, j) in clearest)
+            seed = Seed(bodies[i].name, "outline", frame, candidates[j].outlines[frame])
+            found[seed.body] = Found(seed, _on_plane(bodies[i], candidates[best[i, g]], settings))
+    return found
+
+
+def _candidates(
+    frames: Bytes,
+    words: set[str],
+    extra: Sequence[int],
+    fixed: Mask | None,
+    settings: EyeSettings,
+    tick: Callable[[], None],
+) -> list[_Candidate]:
+    """Regions that move and that stand out, but for shadows; and regions of the words' colours in some frames."""
+    found = []
+    for p in discover(frames, settings, tick=tick):
+        frame = p.seeds[0].frame
+        assert frame is not None
+        outlines = {r.frame: outline_in_full(r, r.picture[1] / frames.shape[2]) for r in p.regions}
+        outlines[frame] = np.asarray(p.seeds[0].value)
+        if p.kind != "shadow":
+            found.append(
+                _Candidate(
+                    outlines, frame, float(np.log(max(p.moves if p.regions else settings.at_rest * p.moves, 0.02)))
+                )
+            )
+    small, factor = reduced(frames, settings.discovery_pixels)
+    free = np.ones(small.shape[1:3], np.uint8)
+    if fixed is not None:
+        free = np.asarray(cv2.resize((~fixed).astype(np.uint8), small.shape[2:0:-1], interpolation=cv2.INTER_NEAREST))
+    for k in sorted({*np.linspace(0, len(frames) - 1, settings.named_frames).astype(int).tolist(), *extra}):
+        for word in sorted(words):
+            for outline in _named(small[k], word, free, factor, settings):
+                found.append(_Candidate({k: outline}, k, float(np.log(settings.at_rest))))
+    return found
+
+
+def _named(frame: Bytes, word: str, free: Bytes, factor: float, settings: EyeSettings) -> list[Floats]:
+    """Outlines [px of the whole frame] of the regions of a frame's free pixels that are called by a word."""
+    share = cv2.GaussianBlur(np.exp(log_name(frame, word.split()[-1])), (0, 0), 0.7)
+    mask = cv2.morphologyEx((share > settings.named).astype(np.uint8) & free, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    found = []
+    for contour in contours:
+        area = cv2.contourArea(contour)
+        solid = area / max(cv2.contourArea(cv2.convexHull(contour)), 1.0)
+        if settings.least_region < area < settings.largest_standing * mask.size and solid > settings.hollow:
+            found.append((contour[:, 0].astype(float) + 0.5) / factor - 0.5)
+    return found
+
+
+def _looks(frame: Bytes, outline: Floats, names: set[str]) -> dict[str, float]:
+    """Log probability of each colour's name by the pixels inside an outline, but for its rim."""
+    low = np.clip(np.floor(outline.min(axis=0)).astype(int), 0, [frame.shape[1], frame.shape[0]])
+    high = np.clip(np.ceil(outline.max(axis=0)).astype(int) + 1, 0, [frame.shape[1], frame.shape[0]])
+    (u, v), (width, height) = (int(c) for c in low), (int(c) for c in high - low)
+    if min(width, height) < 1:
+        return dict.fromkeys(names, -np.inf)
+    mask = filled(outline, (u, v), (width, height))
+    inner = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
+    levels = frame[v : v + height, u : u + width][inner if inner.any() else mask]
+    return {name: log_look(levels, name) for name in names}
+
+
+def _log_fit(body: Solid, outline: Floats, settings: EyeSettings) -> float:
+    """Log likelihood of an outline's size and shape on the plane of motion, or of its size at any distance in view."""
+    area = max(cv2.contourArea(outline.astype(np.float32)), 1.0)
+    depth = float(body.camera.intrinsics[0][0]) * float(np.mean(body.half)) / np.sqrt(area / np.pi)
+    width, height = body.camera.width, body.camera.height
+    views = [body.placed(np.array([0.5 * width, s * height]), np.zeros(4)) for s in (0.5, 0.75, 1.0)]
+    depths = [body.depth(p) for p in views if np.isfinite(p).all() and body.depth(p) > 0]
+    free = -np.log(settings.free_depth) - 0.5 * (np.log(depth / depths[0]) / settings.free_depth) ** 2 if depths else 0
+    on_plane, (overlap, there, _) = -np.inf, _overlap(body, outline)
+    if there:
+        misfit = (1 - overlap) / (settings.misfit + 1.4 / np.sqrt(area / np.pi))  # 0.7 px of the edge over the radius
+        ratio = np.log(area / there) / settings.plane_size
+        on_plane = -np.log(settings.plane_size) - 0.5 * (ratio**2 + misfit**2)
+    return float(np.logaddexp(on_plane, free + np.log(0.3)))
+
+
+def _on_plane(body: Solid, candidate: _Candidate, settings: EyeSettings) -> bool:
+    """Whether silhouettes of a solid on its plane, standing or lying, have the places, shapes and sizes of a
+    candidate's outlines in the frames that show it whole. Elsewhere the ratio of sizes changes along the way."""
+    size = (body.camera.width, body.camera.height)
+    whole = [k for k in candidate.sampled(16) if not _cut(candidate.outlines[k], *size)]
+    laid = [body, replace(body, lies=True)] if body.kind == "cylinder" and not body.upright else [body]
+    fits = []  # overlap, log ratio of areas, overlap at equal areas
+    for k in whole or [candidate.best]:
+        outline = candidate.outlines[k]
+        own = max(cv2.contourArea(outline.astype(np.float32)), 1.0)
+        overlap, area, shape = max(_overlap(b, outline) for b in laid)
+        fits.append((overlap, np.log(own / area) if area else np.inf, shape))
+    overlaps, ratios, shapes = np.array(fits).T
+    clear = shapes > settings.overlap + 0.1 if np.isfinite(ratios).all() else np.ones(len(shapes), bool)
+    if clear.sum() < 0.3 * len(clear):
+        return False
+    low, middle, high = np.percentile(ratios[clear], [15, 50, 85], method="nearest")
+    area = max(cv2.contourArea(candidate.outlines[candidate.best].astype(np.float32)), 1.0)
+    edge = 1.0 / float(np.sqrt(area / np.pi))  # half a pixel along all of it
+    alike = abs(middle) < settings.plane_size + edge and high - low < 0.5 * settings.plane_size + edge
+    return bool(alike and np.median(overlaps[clear]) > settings.overlap)
+
+
+def _cut(outline: Floats, width: int, height: int) -> bool:
+    return bool((outline < 2).any() or (outline > [width - 3, height - 3]).any())
+
+
+def _overlap(body: Solid, outline: Floats) -> tuple[float, float, float]:
+    """Greatest intersection over union of a solid's silhouette on its plane with an outline of the same centre, its
+    area [px^2], and their overlap were the areas equal; zero of one that has no place there."""
+    own = max(cv2.contourArea(outline.astype(np.float32)), 1.0)
+    best, scale = (0.0, 0.0, 0.0), max(1.0, 20.0 / np.sqrt(cv2.contourArea(outline.astype(np.float32)) / np.pi + 1.0))
+    middle = 0.5 * (outline.min(axis=0) + outline.max(axis=0))
+    for angle in body.angles():
+        aim = middle.copy()
+        for _ in range(3):
+            pose = body.placed(aim, np.array([0.0, 0.0, angle, 0.0]))
+            if not np.isfinite(pose).all() or body.depth(pose) <= 0:
+                break
+            polygon = body.polygon(pose)
+            if not np.isfinite(polygon).all():
+                break
+            aim = aim + middle - 0.5 * (polygon.min(axis=0) + polygon.max(axis=0))
+        else:
+            both = np.concatenate([polygon, outline])
+            if np.ptp(both) > 10 * np.ptp(outline):
+                continue
+            area = max(float(cv2.contourArea(polygon.astype(np.float32))), 1.0)
+            centre = 0.5 * (polygon.min(axis=0) + polygon.max(axis=0))
+            shares = []
+            for own_size in (polygon, centre + (polygon - centre) * np.sqrt(own / area)):
+                both = np.concatenate([own_size, outline])
+                low = np.floor(both.min(axis=0)) - 1
+                size = tuple(int(n) for n in np.ceil((both.max(axis=0) - low) * scale) + 2)
+                one, other = (filled((p - low) * scale, (0, 0), (size[0], size[1])) for p in (own_size, outline))
+                shares.append(float((one & other).sum() / max((one | other).sum(), 1)))
+            best = max(best, (shares[0], area, shares[1]))
+    return best
+
+
+def _shows(candidate: _Candidate, frame: int, pixel: tuple[float, float]) -> bool:
+    outline = candidate.outlines.get(frame)
+    return outline is not None and cv2.pointPolygonTest(outline.astype(np.float32)[:, None], pixel, True) > -2.0
+
+
+def _same(one: _Candidate, other: _Candidate) -> bool:
+    """Whether two candidates show one body: in a frame of both, the centre of each lies in the other."""
+    for k in set(one.outlines) & set(other.outlines):
+        a, b = one.outlines[k].astype(np.float32), other.outlines[k].astype(np.float32)
+        centres = [(float(p[:, 0].mean()), float(p[:, 1].mean())) for p in (a, b)]
+        if all(cv2.pointPolygonTest(p[:, None], c, False) >= 0 for p, c in zip((b, a), centres, strict=True)):
+            return True
+    return False

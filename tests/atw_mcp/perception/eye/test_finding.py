@@ -1,0 +1,107 @@
+"""Known solids among regions of drawn clips: by the names of their colours, their sizes and their shapes."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from matplotlib.colors import CSS4_COLORS, to_rgb
+
+from atw_mcp.perception.eye import EyeSettings, Solid
+from atw_mcp.perception.eye.colour_names import log_look, log_name
+from atw_mcp.perception.eye.finding import find_solids
+from polyworld.world.camera import Camera
+
+WIDTH, HEIGHT, FOCAL = 320, 240, 300.0
+BALL = (0.12, 0.12, 0.12)
+
+
+def camera() -> Camera:
+    """A camera 1 m above the floor and 2 m in front of the origin, that looks at it."""
+    forward = np.array([0.0, 2.0, -1.0]) / np.sqrt(5.0)
+    rotation = np.stack([[1.0, 0.0, 0.0], np.cross(forward, [1.0, 0.0, 0.0]), forward])
+    return Camera(
+        width=WIDTH,
+        height=HEIGHT,
+        intrinsics=((FOCAL, 0.0, (WIDTH - 1) / 2), (0.0, FOCAL, (HEIGHT - 1) / 2), (0.0, 0.0, 1.0)),
+        rotation=rotation.tolist(),
+        translation=(-rotation @ np.array([0.0, -2.0, 1.0])).tolist(),
+    )
+
+
+def chequered() -> np.ndarray:
+    """A ground of brown and grey squares."""
+    v, u = np.mgrid[0:HEIGHT, 0:WIDTH]
+    return np.where(((u // 24 + v // 24) % 2 == 0)[..., None], (60.0, 90.0, 120.0), (110.0, 115.0, 120.0))
+
+
+def film(parts: list[tuple[list[np.ndarray], tuple[float, float, float]]]) -> np.ndarray:
+    """Frames (T, H, W, 3) of polygons (V, 2) [px] in BGR colours on the ground, with noise."""
+    rng, frames = np.random.default_rng(3), []
+    for k in range(len(parts[0][0])):
+        frame = chequered()
+        for polygons, colour in parts:
+            cv2.fillPoly(frame, [np.round(polygons[k] * 16).astype(np.int32)], colour, cv2.LINE_AA, 4)
+        frames.append(np.clip(frame + rng.normal(0, 2, frame.shape), 0, 255).astype(np.uint8))
+    return np.stack(frames)
+
+
+def silhouettes(body: Solid, x: np.ndarray, y: np.ndarray, height: np.ndarray | float = 0.0) -> list[np.ndarray]:
+    """Polygons (T) of a body at places x, y [m], lifted by a height [m]."""
+    heights = np.broadcast_to(height, len(x))
+    return [body.polygon(np.array([a, b, 0.0, c])) for a, b, c in zip(x, y, heights, strict=True)]
+
+
+@pytest.mark.parametrize("name", ["red", "green", "blue", "yellow", "orange", "purple", "pink", "saddlebrown", "white"])
+def test_colours_of_a_style_sheet_are_called_by_their_names(name: str) -> None:
+    levels = np.array([np.round(np.array(to_rgb(CSS4_COLORS[name])[::-1]) * 255)], np.uint8)
+    words = ["red", "green", "blue", "yellow", "orange", "purple", "pink", "brown", "white", "grey", "black", "cyan"]
+    name = name.removeprefix("saddle")
+    assert name in sorted(words, key=lambda word: -float(log_name(levels, word)[0]))[:2]  # orange is nearly yellow
+
+
+def test_light_and_dark_greys_are_told_by_their_lightness() -> None:
+    light, dark = (np.full((10, 3), level, np.uint8) for level in (200, 70))
+    assert log_look(light, "light grey") - log_look(light, "dark grey") > 0.5
+    assert log_look(dark, "dark grey") - log_look(dark, "light grey") > 0.5
+
+
+def test_bodies_of_one_colour_are_distinguished_by_their_shapes() -> None:
+    ball = Solid("ball", "sphere", BALL, camera())
+    box = Solid("box", "box", (0.2, 0.06, 0.06), camera())
+    x = np.linspace(-0.6, 0.5, 16)
+    red = (30.0, 30.0, 200.0)
+    frames = film([(silhouettes(ball, x, 0 * x + 0.4), red), (silhouettes(box, -x, 0 * x - 0.3), red)])
+    for order in ([ball, box], [box, ball]):
+        found = find_solids(frames, order, {"ball": "red", "box": "red"}, {}, EyeSettings())
+        for body, place, y in ((ball, x, 0.4), (box, -x, -0.3)):
+            seed = found[body.name].seed
+            assert seed.frame is not None
+            true = body.polygon(np.array([place[seed.frame], y, 0.0, 0.0]))
+            assert np.linalg.norm(np.mean(seed.value, axis=0) - true.mean(axis=0)) < 4.0
+            assert found[body.name].on_plane
+
+
+def test_body_at_rest_is_found_by_its_colour_and_one_that_is_not_there_is_not() -> None:
+    still, runner = Solid("still", "sphere", BALL, camera()), Solid("runner", "sphere", BALL, camera())
+    x = np.linspace(-0.6, 0.5, 16)
+    frames = film(
+        [
+            (silhouettes(still, 0 * x, 0 * x + 0.5), (200.0, 90.0, 30.0)),
+            (silhouettes(runner, x, 0 * x - 0.4), (40.0, 160.0, 40.0)),
+        ]
+    )
+    ghost = Solid("ghost", "sphere", BALL, camera())
+    words = {"still": "blue", "runner": "green", "ghost": "yellow"}
+    found = find_solids(frames, [still, runner, ghost], words, {}, EyeSettings())
+    assert set(found) == {"still", "runner"}
+    true = still.polygon(np.array([0.0, 0.5, 0.0, 0.0]))
+    assert np.linalg.norm(np.mean(found["still"].seed.value, axis=0) - true.mean(axis=0)) < 4.0
+
+
+def test_body_in_flight_is_not_on_the_floor() -> None:
+    ball = Solid("ball", "sphere", BALL, camera())
+    t = np.linspace(0.0, 0.8, 20)
+    path = silhouettes(ball, -0.7 + 1.4 * t, 0 * t, 3.9 * t - 4.9 * t**2)
+    found = find_solids(film([(path, (30.0, 30.0, 200.0))]), [ball], {"ball": "red"}, {}, EyeSettings())
+    assert not found["ball"].on_plane
