@@ -92,7 +92,8 @@ def rows(
         part = "all" if holdout_from is None else f"0-{holdout_from - 1}"
         made.append(Row(scene, source, part, method, inside, outside, events, rollouts, seconds))
         say(
-            f"{scene} {source} {part}: {method} rmse {inside:.4f} m, held out {outside:.4f} m, {rollouts} rollouts, {seconds:.1f} s"
+            f"{scene} {source} {part}: {method} rmse {inside:.4f} m, held out {outside:.4f} m, "
+            f"{rollouts} rollouts, {seconds:.1f} s"
         )
     return made
 
