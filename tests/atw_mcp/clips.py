@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,12 @@ FRAMES = 24
 
 def write_film(path: Path, frames: Iterable[NDArray[Any]], *, rate: float = 25.0, code: str = "mp4v") -> Path:
     """A video of frames (H, W, 3), clipped to bytes."""
-    writer: cv2.VideoWriter | None = None
-    for frame in frames:
-        writer = writer or cv2.VideoWriter(
-            str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*code), rate, (frame.shape[1], frame.shape[0])
-        )
+    pictures = iter(frames)
+    first = next(pictures, None)
+    size = SIZE if first is None else (first.shape[1], first.shape[0])
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*code), rate, size)
+    for frame in () if first is None else chain((first,), pictures):
         writer.write(np.clip(frame, 0, 255).astype(np.uint8))
-    assert writer is not None
     writer.release()
     return path
 

@@ -73,6 +73,7 @@ def test_demo_can_be_run_again_on_its_store_and_says_the_same(demo: tuple[str, P
 
 
 @pytest.mark.usefixtures("server_here")
+@pytest.mark.benchmark  # a minute; the search for laws through the tools has quick tests of its own
 def test_demo_of_the_gap_names_what_is_hidden_and_predicts_a_run_that_was_not_filmed(tmp_path: Path) -> None:
     text = printed(tmp_path, which="gap")
     assert "WRONG" not in text

@@ -143,6 +143,18 @@ def test_render_of_an_independent_simulator_is_measured_to_millimetres(
         assert 0.1 < np.median(error[seen] / tracks.position_sigma[seen, k]) < 3, name
 
 
+def test_masks_of_an_independent_renderer_have_its_areas_and_centroids(
+    demo: tuple[ImageObservation, dict[str, Any]],
+) -> None:
+    observation, truth = demo
+    for item in observation.objects:
+        drawn = np.array([frame[f"{item.colour.name}_{item.shape.name}"] for frame in truth["masks"]])
+        whole = np.array([status == "visible" for status in item.status])
+        assert whole.sum() > 10
+        np.testing.assert_allclose(item.area[whole], drawn[whole, 0], rtol=0.06)
+        assert np.linalg.norm(item.centroid - drawn[:, 1:], axis=1)[whole].max() < 1.5
+
+
 def test_camera_of_another_image_size_and_unknown_objects_are_refused(
     demo: tuple[ImageObservation, dict[str, Any]],
 ) -> None:

@@ -18,8 +18,9 @@ from atw_mcp.viewer.page import page
 from polyworld.pictures.render import render
 from polyworld.solver.rollout import rollout
 from polyworld.world import World
+from tests.atw_mcp.clips import write_film
 from tests.atw_mcp.viewer.scenes import Scene, scene_document
-from tests.atw_mcp.viewer.test_film import case_of, drawn, webm_with_late_frame, written
+from tests.atw_mcp.viewer.test_film import case_of, drawn, webm_with_late_frame
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -106,7 +107,7 @@ def mistaken(opened: Page, originals: NDArray[np.uint8], frames: Iterable[int]) 
 
 
 def test_film_is_in_step_and_outlines_lie_where_the_renderer_sees_the_objects(pages: Pages, tmp_path: Path) -> None:
-    video = written(tmp_path / "a.mp4", "mp4v", drawn(FRAMES, WIDTH, HEIGHT))
+    video = write_film(tmp_path / "a.mp4", drawn(FRAMES, WIDTH, HEIGHT), rate=30)
     scene = Scene(world(), 0.3)
     opened = pages.open(report(tmp_path, video, scene), width=360, height=640)
     assert not mistaken(opened, read_frames(video), (0, MIDDLE))
