@@ -85,7 +85,9 @@ def find_solids(
         if g < len(groups) and price[i, g] < settings.unlikely:
             (_, frame), j = max((clearest[i, j], j) for j in groups[g] if (i, j) in clearest)
             seed = Seed(bodies[i].name, "outline", frame, candidates[j].outlines[frame])
-            found[seed.body] = Found(seed, _on_plane(bodies[i], candidates[best[i, g]], settings))
+            likely = [candidates[j] for j in groups[g] if gains[i, j] > gains[i, best[i, g]] - settings.likely]
+            longest = max(likely, key=lambda c: len(c.outlines))
+            found[seed.body] = Found(seed, _on_plane(bodies[i], longest, settings))
     return found
 
 
@@ -156,11 +158,12 @@ def _log_fit(body: Solid, outline: Floats, settings: EyeSettings) -> float:
     views = [body.placed(np.array([0.5 * width, s * height]), np.zeros(4)) for s in (0.5, 0.75, 1.0)]
     depths = [body.depth(p) for p in views if np.isfinite(p).all() and body.depth(p) > 0]
     free = -np.log(settings.free_depth) - 0.5 * (np.log(depth / depths[0]) / settings.free_depth) ** 2 if depths else 0
-    on_plane, (overlap, there, _) = -np.inf, _overlap(body, outline)
+    on_plane, (overlap, there, shape) = -np.inf, _overlap(body, outline)
     if there:
-        misfit = (1 - overlap) / (settings.misfit + 1.4 / np.sqrt(area / np.pi))  # 0.7 px of the edge over the radius
+        edge = settings.misfit + 1.4 / np.sqrt(area / np.pi)  # 0.7 px of the edge over the radius
         ratio = np.log(area / there) / settings.plane_size
-        on_plane = -np.log(settings.plane_size) - 0.5 * (ratio**2 + misfit**2)
+        on_plane = -np.log(settings.plane_size) - 0.5 * (ratio**2 + ((1 - overlap) / edge) ** 2)
+        free -= 0.5 * ((1 - shape) / edge) ** 2
     return float(np.logaddexp(on_plane, free + np.log(0.3)))
 
 
@@ -182,8 +185,8 @@ def _on_plane(body: Solid, candidate: _Candidate, settings: EyeSettings) -> bool
         return False
     low, middle, high = np.percentile(ratios[clear], [15, 50, 85], method="nearest")
     area = max(cv2.contourArea(candidate.outlines[candidate.best].astype(np.float32)), 1.0)
-    edge = 1.0 / float(np.sqrt(area / np.pi))  # half a pixel along all of it
-    alike = abs(middle) < settings.plane_size + edge and high - low < 0.5 * settings.plane_size + edge
+    edge = 0.5 / float(np.sqrt(area / np.pi))  # a quarter of a pixel along all of it
+    alike = abs(middle) < settings.plane_size + 2 * edge and high - low < 0.5 * settings.plane_size + edge
     return bool(alike and np.median(overlaps[clear]) > settings.overlap)
 
 

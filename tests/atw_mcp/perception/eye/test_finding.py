@@ -78,7 +78,7 @@ def test_bodies_of_one_colour_are_distinguished_by_their_shapes() -> None:
             seed = found[body.name].seed
             assert seed.frame is not None
             true = body.polygon(np.array([place[seed.frame], y, 0.0, 0.0]))
-            assert np.linalg.norm(np.mean(seed.value, axis=0) - true.mean(axis=0)) < 4.0
+            assert np.linalg.norm(np.asarray(seed.value, dtype=float).mean(axis=0) - true.mean(axis=0)) < 4.0
             assert found[body.name].on_plane
 
 
@@ -96,7 +96,7 @@ def test_body_at_rest_is_found_by_its_colour_and_one_that_is_not_there_is_not() 
     found = find_solids(frames, [still, runner, ghost], words, {}, EyeSettings())
     assert set(found) == {"still", "runner"}
     true = still.polygon(np.array([0.0, 0.5, 0.0, 0.0]))
-    assert np.linalg.norm(np.mean(found["still"].seed.value, axis=0) - true.mean(axis=0)) < 4.0
+    assert np.linalg.norm(np.asarray(found["still"].seed.value, dtype=float).mean(axis=0) - true.mean(axis=0)) < 4.0
 
 
 def test_body_in_flight_is_not_on_the_floor() -> None:
