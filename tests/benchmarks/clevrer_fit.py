@@ -91,7 +91,8 @@ def rows(
         events = score_collisions(simulated_collisions(candidate, int(truth.frames[-1])), list(collisions))
         part = "all" if holdout_from is None else f"0-{holdout_from - 1}"
         made.append(Row(scene, source, part, method, inside, outside, events, rollouts, seconds))
-        say(f"{scene} {source} {part}: {method} rmse {inside:.4f} m, held out {outside:.4f} m, {rollouts} rollouts, {seconds:.1f} s")
+        errors = f"rmse {inside:.4f} m, held out {outside:.4f} m"
+        say(f"{scene} {source} {part}: {method} {errors}, {rollouts} rollouts, {seconds:.1f} s")
     return made
 
 
