@@ -134,12 +134,12 @@ class _Fit:
         return self.report(whole, early, cuts)
 
     def fitted(self, tracks: Sequence[ObservedTracks], before: Found | None = None) -> Found:
-        """Fit every way in which what can roll may move, unless a fit before decided it; the best first."""
+        """Fit every mode of rolling, unless a fit before decided it; the best first."""
         if self.options.method != "least_squares":
             return self.searched(tracks, self.options.method)
-        ways = self.ways() if before is None else list(before.kept)
+        modes = self.modes() if before is None else list(before.kept)
         found: list[Found] = []
-        for rolling in ways:
+        for rolling in modes:
             problem = self.problem(tracks, rolling, cut=True)
             at = problem.start()
             stages = None
@@ -154,7 +154,7 @@ class _Fit:
 
     def searched(self, tracks: Sequence[ObservedTracks], method: Search) -> Found:
         """Search by the cross-entropy method or at random, runs whole."""
-        rolling: Rolling = "rolls" if "rolls" in self.ways() else "slides"
+        rolling: Rolling = "rolls" if "rolls" in self.modes() else "slides"
         problem = self.problem(tracks, rolling, cut=False)
         o = self.options
         elites = max(2, o.population // 4)
@@ -167,8 +167,8 @@ class _Fit:
         point = search(problem, method, chosen, watched, self._cancelled)
         return Found(problem, problem.at(point), rolling, cost)
 
-    def ways(self) -> list[Rolling]:
-        """Ways in which what can roll may move; one where nothing can, or where it flies."""
+    def modes(self) -> list[Rolling]:
+        """Return the modes in which what can roll may move; one where nothing can, or where it flies."""
         worlds = [r.world for r in self.study.runs]
         if any(w.coupled or w.joints for w in worlds):
             return ["slides"]
@@ -278,7 +278,8 @@ class _Fit:
         """Lead the starts of a sample through all stretches of a run."""
         blocks = drawn[0][0].problem.runs[r]
         first = blocks[0].world.model_copy(update={"time": run.world.time})
-        return through(first, blocks, [members_of(drawn, r, b) for b in range(len(blocks))])
+        return through(first, blocks, [members_of(drawn, r, b) for b in range(len(blocks))],
+                       self.settings.links.passes)  # fmt: skip
 
     def _watched(self, problem: Problem) -> Callable[[float, float], None]:
         def watched(share: float, cost: float) -> None:

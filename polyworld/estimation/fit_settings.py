@@ -70,6 +70,8 @@ class LinkSettings:
     keep their place to `place` [m] and their velocity to a share `jump` of the largest change of velocity, what rigid
     impact models are off by; the others to `close` [m] and `near` [m/s], hundredths of ordinary sizes and speeds. Their
     surfaces turn as exactly. again: frames within which a second contact of a pair is part of the same collision.
+    passes: over the pulses that take the place of links in a fitted world: the first is exact where nothing resists and
+    nothing is touched in the meantime.
     """
 
     gain: float = 40.0
@@ -79,6 +81,7 @@ class LinkSettings:
     close: float = 0.003
     near: float = 0.03
     again: int = 6
+    passes: int = 3
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,8 @@ class DescentSettings:
     """Least squares.
 
     huber: standard deviations beyond which residuals count linearly. same: relative change of the residuals' scale that
-    moves a minimum by less than its error. dampings: factors on Marquardt's parameter tried in one batch. rest: fall of
+    moves a minimum by less than its error. dampings: factors on Marquardt's parameter tried in one batch. least: of it,
+    where steps have been good: below a thousandth of the curvature steps are Gauss and Newton's. rest: fall of
     chi-square, in squared scales, below which an iteration gains nothing; twice in a row ends a stage. step: share of a
     prior's deviation, or of a state's, by which derivatives are taken; wide: with deformable bodies, whose particles
     and contacts come and go. substep [s]: of spatial worlds while they are fitted: paths over a second then depart by a
@@ -107,6 +111,7 @@ class DescentSettings:
     huber: float = 4.0
     same: float = 0.1
     dampings: tuple[float, ...] = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0)
+    least: float = 1e-3
     iterations: int = 25
     rest: float = 0.2
     step: float = 2e-3

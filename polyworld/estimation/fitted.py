@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Method = Literal["least_squares", "cem", "random_search"]
 TINY = 1e-15  # below which a number is rounding
 SKIDS_RARELY = 4.6  # minus twice the logarithm of one in ten: few balls slide and never begin to roll
-WEAK = 12.0  # difference of twice the log-evidence beyond which a way of rolling has less than three in a thousand
+WEAK = 12.0  # difference of twice the log-evidence beyond which a mode of rolling has less than three in a thousand
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class FittedRun:
 @dataclass(frozen=True)
 class StudyFit:
     """A fitted study. cost: robust chi-square with priors at the minimum, and where the fit started; misfit: mean
-    robust chi-square of a measured component. rolling: how what can roll moves. others: of the ways that were not
+    robust chi-square of a measured component. rolling: how what can roll moves. others: of the modes that were not
     taken, minus twice the logarithm of their evidence over that of the best."""
 
     method: Method
@@ -126,7 +126,7 @@ class StudyFit:
 
 @dataclass(frozen=True)
 class Found:
-    """A fit of one way of rolling."""
+    """A fit of one mode of rolling."""
 
     problem: Problem
     minimum: Minimum
@@ -142,18 +142,18 @@ class Found:
 
     @property
     def kept(self) -> tuple[Rolling, ...]:
-        """Ways of rolling that the evidence leaves, the best first."""
+        """Return the modes of rolling that the evidence leaves, the best first."""
         near = [f.rolling for f in self.others if f.evidence < self.evidence + WEAK]
         return (self.rolling, *near)
 
     @property
     def every(self) -> tuple[Found, ...]:
-        """All ways of rolling, the best first."""
+        """Return all modes of rolling, the best first."""
         return (self, *self.others)
 
     @property
     def shares(self) -> list[tuple[Found, float]]:
-        """Ways of rolling that the evidence leaves, with their probabilities."""
+        """Return the modes of rolling that the evidence leaves, with their probabilities."""
         every = [self, *(f for f in self.others if f.rolling in self.kept)]
         weights = np.exp(-0.5 * (np.array([f.evidence for f in every]) - self.evidence))
         return list(zip(every, weights / weights.sum(), strict=True))
@@ -164,11 +164,11 @@ class Found:
 
 
 Drawn = Sequence[tuple[Found, Posterior]]
-"""The minimum as a sample of one, then members of the posterior of every way of rolling that the evidence leaves."""
+"""The minimum as a sample of one, then members of the posterior of every mode of rolling that the evidence leaves."""
 
 
 def drawn_from(found: Found, members: int, seed: int, sampling: SamplingSettings) -> Drawn:
-    """Sample the posterior of the ways of rolling that the evidence leaves, in proportion to their probabilities."""
+    """Sample the posterior of the modes of rolling that the evidence leaves, in proportion to their probabilities."""
     at, shares = found.minimum.point, found.shares
     counts = [round(p * (members - 1)) for _, p in shares]
     counts[0] = members - 1 - sum(counts[1:])

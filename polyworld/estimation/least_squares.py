@@ -264,7 +264,7 @@ class Problem:
             gain = cost - float(costs[best])
             if gain > 0.0:
                 at, cost = trials[best], float(costs[best])
-                damping = float(np.clip(damping * self.settings.dampings[best], 1e-3, 1e4))
+                damping = float(np.clip(damping * self.settings.dampings[best], self.settings.least, 1e4))
                 normal = self.normal(at, most)
             else:
                 damping = min(damping * self.settings.dampings[-1], 1e6)

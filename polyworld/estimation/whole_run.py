@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 Values = Mapping[str, Array]
 
 BESIDE = "carried_"  # begins the names of the effects on bodies that take no part in the collision
-PASSES = 3  # of each correction: the first is exact where nothing resists and nothing is touched in the meantime
 
 
 @dataclass(frozen=True)
@@ -31,10 +30,11 @@ class Through:
     overrides: dict[str, Array]
 
 
-def through(world: World, blocks: Sequence[Block], members: Sequence[Values]) -> Through:
+def through(world: World, blocks: Sequence[Block], members: Sequence[Values], passes: int) -> Through:
     """Add two pulses for every body at every collision of a run, sized by what the link leaves for every member.
 
-    world: of the first stretch; members: parameters (N,) by path of each stretch, of the same N members. Together the
+    world: of the first stretch; members: parameters (N,) by path of each stretch, of the same N members; passes: of
+    corrections. Together the
     pulses bring a body, by the end of the second, to the place and velocity that it has there in the next stretch.
     """
     joint, begin, frame = dict(members[0]), 0.0, world.time.seconds_per_frame
@@ -54,7 +54,7 @@ def through(world: World, blocks: Sequence[Block], members: Sequence[Values]) ->
         world = world.model_copy(update={"effects": (*world.effects, *added)})
         pulses = np.zeros((len(names), 2, 2, count, 3))  # by body, first or second, impulse or turn
         own = simulator(later.world, np.array([2.0 * length]), n_worlds=count).run(members[number])
-        for _ in range(PASSES):
+        for _ in range(passes):
             led = simulator(world, np.array([begin + 2.0 * length]), n_worlds=count).run(joint)
             for i, name in enumerate(link.place):
                 item, here, there = world.object(name), led.names.index(name), own.names.index(name)

@@ -40,7 +40,6 @@ from polyworld.world import World
 
 COARSE = 32  # samples of a run on which its turning points are counted
 TURNS = 3  # from which on a motion passes places again
-PASSES = 3  # of the search, each without the runs that the one before could not predict
 
 
 def find_gap(
@@ -129,10 +128,10 @@ def _search(
     """
     aside: tuple[Aside, ...] = ()
     before: tuple[Search, tuple[Aside, ...]] | None = None
-    for turn in range(PASSES):
+    for turn in range(ground.settings.passes):
         search = Search(ground, library, base, report, stopped, fitted)
         search.plain()
-        last = turn == PASSES - 1
+        last = turn == ground.settings.passes - 1
         bad = [] if last else outlying(credible(search.pool, search.null)[0])
         if len(bad) == 1:
             search.places()

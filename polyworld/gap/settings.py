@@ -40,8 +40,9 @@ class GapSettings:
     median error, and the noise, beyond which a run is set aside. most_aside: share of runs that may be. soft:
     residuals, in robust standard deviations, that count linearly beyond. sealed_share: of the runs, or of the only
     run's time, that is sealed; a quarter costs the fit a seventh of its precision. sealed_runs: of which one can be
-    spared; with two, the fit would rest on a single one. sealed_instants: that each part of a divided run must keep,
-    for a state of its own. time_limit [s]: after which the search ends with what it has. seed: of the bootstrap.
+    spared; with two, the fit would rest on a single one. passes: of the search, each without the runs that the one
+    before could not predict. sealed_instants: that each part of a divided run must keep, for a state of its own.
+    time_limit [s]: after which the search ends with what it has. seed: of the bootstrap.
     """
 
     nats: float = 4.6
@@ -79,5 +80,6 @@ class GapSettings:
     sealed_runs: int = 3
     sealed_instants: int = 12
     soft: float = 2.0
+    passes: int = 3
     time_limit: float | None = None
     seed: int = 0

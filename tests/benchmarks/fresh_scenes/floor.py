@@ -142,7 +142,8 @@ def rows_of(scene: Scene, folder: Path, noise: str, constants: bool) -> list[dic
         return poses
 
     def compare(poses: Array) -> Array:
-        return apart(poses, seen, half) / sigma
+        found: Array = apart(poses, seen, half) / sigma
+        return found
 
     states = sum(map(len, bases))
     best, spread = fitted(roll, compare, states, states + constants * len(ranges(world)), scene.frames)
