@@ -186,7 +186,7 @@ def _on_plane(body: Solid, candidate: _Candidate, settings: EyeSettings) -> bool
     low, middle, high = np.percentile(ratios[clear], [15, 50, 85], method="nearest")
     area = max(cv2.contourArea(candidate.outlines[candidate.best].astype(np.float32)), 1.0)
     edge = 0.5 / float(np.sqrt(area / np.pi))  # a quarter of a pixel along all of it
-    alike = abs(middle) < settings.plane_size + 2 * edge and high - low < 0.5 * settings.plane_size + edge
+    alike = abs(middle) < settings.plane_size + 2 * edge and high - low < 0.5 * settings.plane_size + 2 * edge
     return bool(alike and np.median(overlaps[clear]) > settings.overlap)
 
 

@@ -104,7 +104,7 @@ class EyeSettings:
     misnamed: float = -3.0  # [log] of that of a region at the least: a twentieth
     plane_size: float = 0.3  # [log area] of an outline about the silhouette on the plane: shade, unknown angle
     unlikely: float = 3.0  # [nats] below even odds from which a region is not taken for a body
-    likely: float = 1.5  # [nats] below the likeliest region of a body, from which a longer one says where it moves
+    likely: float = 1.0  # [nats] below the likeliest region of a body, from which a longer one says where it moves
     at_rest: float = 0.3  # odds that what has a body's colour but is not seen to move is one
     misfit: float = 0.1  # of a silhouette's area, by which it differs from an outline: shade, rounded edges
     free_depth: float = 0.7  # [log distance] of a body anywhere in view
