@@ -91,7 +91,7 @@ def sharing(app: App, case: Case, world: str | None, values: Sequence[dict[str, 
     fitted = [
         other
         for other in app.store.cases.all()
-        if other.id != case.id and any(origin == "fitted" for _, origin in app.store.cases.worlds(other.id))
+        if other.content != case.content and any(origin == "fitted" for _, origin in app.store.cases.worlds(other.id))
     ]
     found = [o.id for o in fitted if materials & {item.appearance.material for item in app.draft(o).objects}]
     return f"if these are of one laboratory, FitWorld(case={case.id!r}, cases={found}), " if found else ""

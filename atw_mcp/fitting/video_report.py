@@ -11,6 +11,8 @@ from atw_mcp.calls.steps import Step, StepFailed, Steps
 from atw_mcp.fitting.errors import ObjectError
 from atw_mcp.fitting.reading import CONTACTS, WAYS, sharing
 from atw_mcp.observation.matching import Matching
+from atw_mcp.observation.observing import chosen_image_observation, track_record
+from atw_mcp.perception.known_scene import OFF_PLANE
 from evidence_store import Case
 
 UNSURE = 0.5  # mean confidence below which a track is doubted
@@ -43,7 +45,7 @@ class VideoModel:
 def fit_report(app: App, case: Case, fitted: Step, steps: Steps, model: VideoModel, kept: str) -> Answer:
     """Judge the fitted world: errors beside body and noise, matches, values, predictions, doubts."""
     world = fitted.evidence.world
-    doubts = _doubts(steps, fitted, model)
+    doubts = [*_doubts(steps, fitted, model), *_off_plane(app, case, fitted.evidence.observation)]
     off = [error for error in model.errors if not error.follows]
     verdict = "poor" if off or model.diverged else "doubtful" if doubts else "good"
     pooled = sharing(app, case, world, fitted.data["values"])
@@ -140,6 +142,13 @@ def _doubts(steps: Steps, fitted: Step, model: VideoModel) -> list[str]:
             found += [text for text in step.data.get("warnings", []) if "were assumed" not in text]
         found += step.data.get("left_out", []) if step.tool == "BuildWorld" else []
     return found
+
+
+def _off_plane(app: App, case: Case, observation: str | None) -> list[str]:
+    """Return notes of the observation that is modelled on bodies that may be on another surface than was taken."""
+    source = track_record(app, case, observation).source.get("objects")
+    seen = None if source is None else chosen_image_observation(app, case, source)[1]
+    return [] if seen is None else [text for text in seen.notes if OFF_PLANE in text]
 
 
 def _error(error: ObjectError) -> str:

@@ -14,7 +14,7 @@ from atw_mcp.perception.constraints import Seed
 from atw_mcp.perception.eye import EyeSettings
 from atw_mcp.perception.eye.finding import find_solids
 from atw_mcp.perception.follow_bodies import first_frame_showing, follow_bodies
-from atw_mcp.perception.known_scene import FAR, KnownScene
+from atw_mcp.perception.known_scene import FAR, OFF_PLANE, KnownScene
 from atw_mcp.perception.observation import ImageObservation, ObservationError
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress, load
 
@@ -69,8 +69,8 @@ def observe_known(
     if clip.motion is not None:
         warnings.append("the camera moves a little: frames were aligned to the first before bodies were looked for")
     notes = [
-        f"{name} is larger or smaller than on its plane of motion, or turned otherwise: it leaves that, or its size, "
-        "the camera or the plane is not right. It was followed in the image"
+        f"{name} {OFF_PLANE}, or turned otherwise: it leaves that, or its size, the camera or the plane is not right. "
+        "It was followed in the image"
         for name in sorted(aside)
     ]
     return ImageObservation(

@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 Sized = Sphere | Box | Cylinder
 Corners = tuple[tuple[float, float, float], ...]
 FAR = 1e6  # [m]
+OFF_PLANE = "is larger or smaller than on its plane of motion"  # of a body, as notes say it
 LEVEL = 1.0 - 1e-6  # least upward part of the normal of a level plane
 STEEPEST = 0.3  # least upward part of the normal of a face that bears what rolls
 _SIZED: TypeAdapter[Sized] = TypeAdapter(Sized)

@@ -114,11 +114,12 @@ def model_video_tool(
     if found.kind != "video":
         raise ToolError(f"case {found.id!r} is measured data: ImportObservation, BuildWorld and FitWorld model it")
     own_facts = {"objects": objects, "seconds_per_frame": seconds_per_frame, "gravity": gravity,
-                 "motion_plane": motion_plane, "floor": floor}  # fmt: skip
+                 "motion_plane": motion_plane, "floor": floor, "build": build}  # fmt: skip
     facts, kept = _kept(app, found, [name for name, value in own_facts.items() if value is None])
     objects, seconds_per_frame = objects or facts.objects, seconds_per_frame or facts.seconds_per_frame
     gravity, motion_plane = gravity or facts.gravity, motion_plane or facts.motion_plane
     floor = facts.floor if floor is None else floor
+    build = facts.build if build is None else build
     known_points = None if points is None else [item.model_dump() for item in points]
     given = _given({"points": known_points, "known_length": _dumped(known_length)})
     calibration = _merged(given, calibrate, "calibrate")
@@ -175,6 +176,7 @@ class _Facts(Argument):
     gravity: Point | None = None
     motion_plane: PlaneArgument | None = None
     floor: float | Literal["none"] | None = None
+    build: dict[str, Any] | None = None
 
 
 def _kept(app: App, case: Case, missing: Sequence[str]) -> tuple[_Facts, str]:

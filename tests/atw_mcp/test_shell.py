@@ -86,7 +86,8 @@ def test_help_and_tools_are_answered_without_a_call(
     text = "\n".join(out)
     assert "Ctrl-D" in text
     assert any(line.startswith("Rollout  ") for line in out)
-    assert "  world: required, text\n      id of the world every probe will start from" in text
+    assert "  case: required, text\n" in text
+    assert "  world: text\n      id of the world every probe will start from" in text
 
 
 def test_a_terminal_has_a_prompt_and_failures_do_not_fail_the_session(tmp_path: Path) -> None:

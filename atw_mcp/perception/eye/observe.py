@@ -117,8 +117,7 @@ def _held(scene: Scene, seeds: Sequence[Seed]) -> list[dict[int, Floats]]:
 def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
     """Pixels (S, H, W) that look in a frame as they do where a seed shows a body: the body may still stand there.
 
-    Where most of its pixels do it stands there, and its blurred rim too, else the rim is taken for background; it
-    stands in all frames where in none three of four look otherwise.
+    Where most of its pixels do it stands there, and its blurred rim too, else the rim is taken for background.
     """
     film, chosen = scene.film, scene.film.chosen()
     covered = scene.covered(2.0)
@@ -134,13 +133,8 @@ def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
             look = np.stack(looks)
             spread = np.maximum(scene.settings.least_spread, 6 * scene.background.noise).astype(np.float32)
             alike = (np.abs(look - own_look) < spread).all(axis=-1)
-            share = alike[:, filled(scene.bodies[i].polygon(pose), corner, size)].mean(axis=1)
-            stands = share > 0.5
-            if share.min() < 0.25:  # it is gone, and has the background's look where it always seems to stand
-                alike[:, alike.all(axis=0)] = False
-            else:  # what differs is how a film's frames are coded
-                stands[:] = True
-            covered[:, rows, columns] |= (alike | stands[:, None, None]) & mask
+            standing = alike[:, filled(scene.bodies[i].polygon(pose), corner, size)].mean(axis=1) > 0.5
+            covered[:, rows, columns] |= (alike | standing[:, None, None]) & mask
     return covered
 
 

@@ -125,6 +125,9 @@ def test_a_next_call_keeps_what_was_known(session: Session, clip: str) -> None:
         mass = session("ReadProperty", case=case, world=again["data"]["world"], property="mass", objects=["left"])
         assert "left 1 kg" in mass["summary"]  # not that of its size and an assumed density
         assert again["interval"][1] == pytest.approx(0.05 * (FRAMES - 1))
+    same = session("ModelVideo", case=case, fit=QUICK, patience_seconds=300)
+    assert "build as in ev-" in same["data"]["kept"]
+    assert same["data"]["world"] == again["data"]["world"]
     assert "kept" not in first["data"] or first["data"]["kept"] is None
 
 
