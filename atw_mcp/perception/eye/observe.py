@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception.eye.assignment import reassign
-from atw_mcp.perception.eye.bodies import Body
+from atw_mcp.perception.eye.bodies import Body, Solid
 from atw_mcp.perception.eye.colours import Colours, learn_colours
 from atw_mcp.perception.eye.follow import States, follow, refit, seeded
 from atw_mcp.perception.eye.likelihood import Scene
@@ -131,7 +131,11 @@ def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
             parts = film.frames[[k, *chosen], rows, columns].astype(np.float32)
             own_look, *looks = (features(cv2.blur(part, (3, 3)), scene.settings) for part in parts)
             look = np.stack(looks)
-            spread = np.maximum(scene.settings.least_spread, 6 * scene.background.noise).astype(np.float32)
+            least, noise = scene.settings.least_spread, scene.background.noise
+            if isinstance(scene.bodies[i], Solid):  # whose silhouette holds no background
+                spread = np.maximum(least, 6 * noise).astype(np.float32)
+            else:
+                spread = (3 * np.maximum(least, np.sqrt(2) * noise)).astype(np.float32)
             alike = (np.abs(look - own_look) < spread).all(axis=-1)
             standing = alike[:, filled(scene.bodies[i].polygon(pose), corner, size)].mean(axis=1) > 0.5
             covered[:, rows, columns] |= (alike | standing[:, None, None]) & mask
