@@ -25,7 +25,7 @@ Corners = tuple[tuple[float, float, float], ...]
 FAR = 1e6  # [m]
 OFF_PLANE = "is larger or smaller than on its plane of motion"  # of a body, as notes say it
 LEVEL = 1.0 - 1e-6  # least upward part of the normal of a level plane
-STEEPEST = 0.3  # least upward part of the normal of a face that bears what rolls
+STEEPEST = 0.3  # least upward part of the normal of a face that bears what rolls, as of flights
 _SIZED: TypeAdapter[Sized] = TypeAdapter(Sized)
 
 
@@ -86,7 +86,7 @@ class KnownScene:
             MotionPlane.model_validate(data["plane"]),
             {name: _SIZED.validate_python(solid) for name, solid in data["solids"].items()},
             tuple(tuple((float(x), float(y), float(z)) for x, y, z in corners) for corners in data["fixtures"]),
-            frozenset(data.get("off_plane", ())),
+            frozenset(data["off_plane"]),
         )
 
 

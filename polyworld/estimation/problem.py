@@ -54,9 +54,8 @@ class Block:
 
     times (T,) [s]: instants at which it was measured, since its start. observed_by: path -> parameters (k,) of worlds
     that follow from others, such as a clock's; None where nothing does. after: the stretch that `link` leads to.
-    observer: (motion, parameters `observer.*`
-    (k,)) -> the motion as it is observed; None where it is as it was. groups: a partition of the bodies into those that
-    may act on one another; () where all may.
+    observer: (motion, parameters `observer.*` (k,)) -> the motion as it is observed; None where it is as it was.
+    groups: a partition of the bodies into those that may act on one another; () where all may.
     """
 
     name: str

@@ -34,8 +34,8 @@ def through(world: World, blocks: Sequence[Block], members: Sequence[Values], pa
     """Add two pulses for every body at every collision of a run, sized by what the link leaves for every member.
 
     world: of the first stretch; members: parameters (N,) by path of each stretch, of the same N members; passes: of
-    corrections. Together the
-    pulses bring a body, by the end of the second, to the place and velocity that it has there in the next stretch.
+    corrections. Together the pulses bring a body, by the end of the second, to the place and velocity that it has there
+    in the next stretch.
     """
     joint, begin, frame = dict(members[0]), 0.0, world.time.seconds_per_frame
     count = len(next(iter(joint.values()), np.zeros(1)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -25,7 +24,6 @@ def plot(rollout: Rollout, measured: Run | None = None, band: tuple[Array, Array
     if measured is not None and not {*measured.names} & {*motion.names}:
         raise ValueError(f"the run measured {list(measured.names)}, the rollout holds {list(motion.names)}")
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
-    FigureCanvasAgg(figure)
     panels = figure.subplots(len(AXES), 1, sharex=True)
     for axis, panel in enumerate(panels):
         for column, name in enumerate(motion.names):

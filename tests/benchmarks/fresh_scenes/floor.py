@@ -64,7 +64,7 @@ def with_constants(world: World, values: Array) -> World:
     return replace(world, surfaces=surfaces, **{name: next(own) for name in LAWS if getattr(world, name)})
 
 
-def begun(world: World, bases: list[Array], values: Array) -> World:
+def started(world: World, bases: list[Array], values: Array) -> World:
     """Return the world whose bodies begin as values (N,) of their freedoms say; constants (k,) may follow."""
     bodies, at = [], 0
     count = sum(map(len, bases))
@@ -138,7 +138,7 @@ def rows_of(scene: Scene, folder: Path, noise: str, constants: bool) -> list[dic
     half = np.array([b.size[0] for b in world.bodies])
 
     def roll(values: Array, frames: int) -> Array:
-        poses: Array = engine(begun(world, bases, values), scene.rate, frames)[0]
+        poses: Array = engine(started(world, bases, values), scene.rate, frames)[0]
         return poses
 
     def compare(poses: Array) -> Array:
