@@ -41,7 +41,7 @@ def add_parser(commands: Any) -> None:
     _declare(backup, _backup)
 
     export = commands.add_parser(
-        "export", help="write a case with all it rests on to a file, its provenance, or its motion as table or figure"
+        "export", help="write a case with all it rests on to a file, or its provenance, motion, film or world"
     )
     export.add_argument("case", metavar="CASE")
     export.add_argument("--out", type=Path, metavar="FILE.zip", help="write the whole case here, for `atw-mcp import`")
@@ -52,6 +52,10 @@ def add_parser(commands: Any) -> None:
         metavar="FILE",
         help="write measured and simulated places with 80%% intervals here: .csv a table, .svg, .png or .pdf a figure",
     )
+    export.add_argument(
+        "--film", type=Path, metavar="FILE", help="write the world over the video here: .mp4, .webm or .webp"
+    )
+    export.add_argument("--world", type=Path, metavar="FILE", help="write the world here: .json, or .xml as MJCF")
     export.add_argument("--until", type=float, metavar="SECONDS", help="run the world to here; default the last frame")
     _declare(export, _export)
 
@@ -148,8 +152,9 @@ def _export(options: argparse.Namespace, store: Path) -> int:
     from evidence_store.export import export_case
     from evidence_store.provenance import prov_json
 
-    if options.out is None and options.prov is None and options.motion is None:
-        print("atw-mcp: export needs --out FILE.zip, --prov FILE.json or --motion FILE.csv", file=sys.stderr)
+    of_world = (options.motion, options.film, options.world)
+    if (options.out, options.prov, *of_world) == (None,) * 5:
+        print("atw-mcp: export needs --out, --prov, --motion, --film or --world, each with a FILE", file=sys.stderr)
         return USAGE
     if not store.exists():
         raise StoreError(f"there is no evidence store at {store}: check the path, which --store FILE gives")
@@ -166,24 +171,32 @@ def _export(options: argparse.Namespace, store: Path) -> int:
         return FAILED
     finally:
         opened.close()
-    return OK if options.motion is None else _export_motion(options, store)
+    return OK if of_world == (None,) * 3 else _export_of_world(options, store)
 
 
-def _export_motion(options: argparse.Namespace, store: Path) -> int:
+def _export_of_world(options: argparse.Namespace, store: Path) -> int:
     from mcp.server.mcpserver.exceptions import ToolError
 
     from atw_mcp.calls.app import App
-    from atw_mcp.motion_export import export_motion
+    from atw_mcp.world_export import export_film, export_motion, export_world
 
-    app = App(store)
+    app, case, until = App(store), options.case, options.until
     try:
-        rows = export_motion(app, options.case, options.motion.expanduser(), options.until)
+        if options.motion is not None:
+            rows, missing = export_motion(app, case, options.motion.expanduser(), until)
+            print(f"{options.motion}: {rows} {'rows' if options.motion.suffix == '.csv' else 'instants'}")
+            if missing:
+                print(f"without 80% intervals: {missing}")
+        if options.film is not None:
+            print(f"{options.film}: {export_film(app, case, options.film.expanduser(), until)} frames")
+        if options.world is not None:
+            left_out = export_world(app, case, options.world.expanduser())
+            print("\n- ".join([f"{options.world}: the world", *left_out]))
     except (OSError, ToolError, ValueError) as error:
         print(f"atw-mcp: {error}", file=sys.stderr)
         return FAILED
     finally:
         app.close()
-    print(f"{options.motion}: {rows} {'rows' if options.motion.suffix == '.csv' else 'instants'}")
     return OK
 
 

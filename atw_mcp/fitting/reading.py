@@ -17,6 +17,7 @@ TURNED = 0.1  # [rad]; smaller rotation errors are never doubted
 OVERSTATED = 3.0  # times the error of a fit from which the stated noise is doubted; chance explains no such factor
 SLACK = 2.0  # standard deviations of a link beyond which a collision is not what its bodies' restitution says
 ROWS = 8  # rows of `undetermined` shown
+LATEST = 20  # cases of the store that are considered for a common study
 CONTACTS = (
     "a contact's friction and restitution are the geometric mean of the two objects' values; 'friction of NAME' is "
     "that against the surface, and a pair of bodies has the product of theirs over the friction of the surface"
@@ -84,13 +85,13 @@ def prediction_in_words(document: dict[str, Any]) -> str:
 
 
 def sharing(app: App, case: Case, world: str | None, values: Sequence[dict[str, Any]]) -> str:
-    """Name the fit that shares constants with other cases of the store, where data leave some open; else nothing."""
+    """Name the fit that shares constants with the store's latest cases, where data leave some open; else nothing."""
     materials = {item.appearance.material for item in app.world(case, world).objects} - {None}
     if not materials or not any(value["from_prior"] for value in values):
         return ""
     fitted = [
         other
-        for other in app.store.cases.all()
+        for other in app.store.cases.all()[-LATEST:]
         if other.content != case.content and any(origin == "fitted" for _, origin in app.store.cases.worlds(other.id))
     ]
     found = [o.id for o in fitted if materials & {item.appearance.material for item in app.draft(o).objects}]

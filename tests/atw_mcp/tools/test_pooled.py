@@ -6,10 +6,12 @@ import csv
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from atw_mcp.cli import main
+from polyworld import World
 from tests.atw_mcp.session import Session
 from tests.polyworld.sliding_block import block_places
 
@@ -74,3 +76,13 @@ def test_motion_is_exported_beside_what_was_measured(tmp_path: Path, capsys: pyt
     assert "<svg" in (tmp_path / "long.svg").read_text(encoding="utf-8")
     assert main([*out, str(tmp_path / "long.xls")]) == 1
     assert "use .csv, .svg, .png, .pdf" in capsys.readouterr().err
+    session("BuildWorld", case="long", objects=[{"name": "block", "shape": {"kind": "sphere", "radius": HALF}}])
+    assert main([*out, str(tmp_path / "built.csv")]) == 0
+    assert "without 80% intervals: " in (said := capsys.readouterr().out)
+    assert "no posterior sample" in said
+    few = ["export", "long", "--store", str(tmp_path / "atw.db"), "--until", "0.12"]
+    assert main([*few, "--film", str(tmp_path / "long.webp"), "--world", str(tmp_path / "long.json")]) == 0
+    assert cv2.imcount(str(tmp_path / "long.webp")) == 4
+    assert World.model_validate_json((tmp_path / "long.json").read_bytes()).moving_names == ("block",)
+    assert main([*few, "--world", str(tmp_path / "long.xml")]) == 1
+    assert "planar worlds have no counterpart in MJCF" in capsys.readouterr().err
