@@ -31,7 +31,6 @@ where it is needed, so that the others start quickly.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -61,7 +60,7 @@ from atw_mcp.calls.limits import Limits
 from atw_mcp.calls.prompting import PromptServer, add_prompts
 from atw_mcp.calls.tasks import TasksExtension
 from atw_mcp.calls.toolbox import ToolGroup, WorldTool
-from atw_mcp.calls.toolsets import ALL, Selection, instructions
+from atw_mcp.calls.toolsets import CALL, Selection, instructions
 from atw_mcp.calls.version import installed_version
 from atw_mcp.tools import manifest
 from atw_mcp.viewer import in_parts
@@ -76,16 +75,22 @@ def default_store() -> Path:
 
 
 class WorldServer(PromptServer):
-    """The server; refusals name the tools there are, and how to get those that are not served."""
+    """The server: lists few of its tools; refusals name those there are, and how to get those that are not served."""
 
     world_app: App
 
     async def list_tools(self) -> list[ListedTool]:
-        """Every tool in its short form."""
-        return [brief_tool(tool) for tool in await self.full_tools()]
+        """The tools to list, in their short form."""
+        unlisted = self.world_app.selection.unlisted(self.world_app.tools)
+        listed = [brief_tool(tool) for tool in await self.full_tools() if tool.name not in unlisted]
+        names = f" Tools: {', '.join(unlisted)}."
+        return [
+            tool.model_copy(update={"description": f"{tool.description}{names}"}) if tool.name == CALL else tool
+            for tool in listed
+        ]
 
     async def full_tools(self) -> list[ListedTool]:
-        """Every tool with its whole description and schemas."""
+        """Every tool that is served, with its whole description and schemas."""
         return await super().list_tools()
 
     async def read_resource(
@@ -106,17 +111,11 @@ class WorldServer(PromptServer):
         self, name: str, arguments: dict[str, Any], context: Context[App, Any] | None = None
     ) -> CallToolResult | InputRequiredResult:
         """Call one tool; raises ToolError naming the tools for an unknown one."""
-        names = [tool.name for tool in await self.full_tools()]
-        if name not in names:
-            close = difflib.get_close_matches(name, names, n=1)
-            hint = f" (did you mean {close[0]}?)" if close else ""
-            own = self.world_app.selection.notes_on(name, self.world_app.tools)
-            raise ToolError(own or f"no tool {name!r}{hint}; tools: {', '.join(names)}")
         try:
-            return await super().call_tool(name, arguments, context)
+            return await super().call_tool(self.world_app.tool(name).name, arguments, context)
         except ToolError as error:
             notes = self.world_app.selection.notes_on(str(error), self.world_app.tools)
-            if not notes:
+            if not notes or notes in str(error):
                 raise
             raise ToolError(f"{error} ({notes})") from error
 
@@ -125,16 +124,16 @@ def build_server(
     store: Path | None = None,
     *,
     allow: Iterable[Path] = (),
-    selection: Selection = ALL,
+    selection: Selection | None = None,
     limits: Limits | None = None,
 ) -> WorldServer:
     """The server on a store (default: `default_store()`); raises StoreError where the store cannot be used.
 
-    allow: folders and files that calls may have read, besides those of `allowed_folders`. selection: tools to serve.
-    limits: of what one call may ask for.
+    allow: folders and files that calls may have read, besides those of `allowed_folders`. selection: tools to serve
+    and to list. limits: of what one call may ask for.
     """
     app = App(store or default_store(), allowed_folders(allow), limits)
-    app.tools, app.selection = all_tools(), selection
+    app.tools, app.selection = all_tools(), selection or Selection()
 
     @asynccontextmanager
     async def lifespan(_: MCPServer[App]) -> AsyncIterator[App]:
@@ -148,7 +147,7 @@ def build_server(
     server = WorldServer(
         "asking-the-world",
         title="Asking the World",
-        instructions=instructions(selection),
+        instructions=instructions(app.selection),
         version=installed_version(),
         tools=list[Tool](app.served),
         extensions=[TasksExtension(app), viewer_app()],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import logging
 import sqlite3
 from collections.abc import Iterable
@@ -16,7 +17,7 @@ from atw_mcp.calls.files import AllowedFiles
 from atw_mcp.calls.jobs import JobRunner
 from atw_mcp.calls.limits import Limits
 from atw_mcp.calls.results import to_result
-from atw_mcp.calls.toolsets import ALL
+from atw_mcp.calls.toolsets import Selection
 from atw_mcp.calls.waiting import WaitingCalls
 from atw_mcp.calls.watching import EvidenceWatch
 from evidence_store import Case, EvidenceStore, StoreError, UnknownRecord
@@ -43,12 +44,23 @@ class App:
         self.waiting = WaitingCalls()
         self.watch = EvidenceWatch(self.store)
         self.tools: list[Any] = []  # every WorldTool, for calls made inside others; set by build_server
-        self.selection = ALL  # which of them are served
+        self.selection = Selection()  # which of them are served and listed
 
     @property
     def served(self) -> list[Any]:
         """The tools that are served."""
         return self.selection.served(self.tools)
+
+    def tool(self, name: str) -> Any:
+        """Return the tool served under a name, in upper or lower case; raises ToolError naming those there are."""
+        found = next((tool for tool in self.served if tool.name.lower() == name.lower()), None)
+        if found is None:
+            names = [tool.name for tool in self.served]
+            close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+            hint = f" (did you mean {close[0]}?)" if close else ""
+            own = self.selection.notes_on(name, self.tools)
+            raise ToolError(own or f"no tool {name!r}{hint}; tools: {', '.join(names)}")
+        return found
 
     # --- the end ---
 

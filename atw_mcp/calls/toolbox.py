@@ -32,11 +32,11 @@ from atw_mcp.calls.result_schemas import referenced_schema, report_mismatch, res
 from atw_mcp.calls.results import Answer, to_result, validation_text
 from atw_mcp.calls.roots import allow_roots
 from atw_mcp.calls.schemas import inlined, without_null
-from atw_mcp.calls.waiting import Waiting
+from atw_mcp.calls.waiting import Forwarded, Waiting
 from evidence_store import StoreError
 
 Role = Literal["world construction", "gap", "world inspection", "world experimentation", "execution control"]
-ToolFunction = Callable[..., Answer | LongWork | Waiting | CallToolResult]
+ToolFunction = Callable[..., Answer | LongWork | Waiting | Forwarded | CallToolResult]
 logger = logging.getLogger(__name__)
 
 
@@ -68,6 +68,8 @@ class WorldTool(Tool):
             outcome = await anyio.to_thread.run_sync(self._call, app, checked)
             if isinstance(outcome, CallToolResult):
                 return outcome
+            if isinstance(outcome, Forwarded):
+                return await app.tool(outcome.name).run(outcome.arguments, context)
             if isinstance(outcome, Waiting):
                 return await self._wait_for_evidence(app, outcome, context)
             if isinstance(outcome, LongWork):

@@ -1,10 +1,11 @@
-"""Outcomes of tools that wait for running work without occupying a worker thread."""
+"""Outcomes of tools that are no results yet: running work, waited for without a worker thread, or another tool's."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 from mcp.server.mcpserver.exceptions import ToolError
 from mcp_types import CallToolResult
@@ -23,6 +24,14 @@ class Waiting:
     evidence: str
     seconds: float
     then: Callable[[], CallToolResult]
+
+
+@dataclass(frozen=True)
+class Forwarded:
+    """An outcome that is whatever the tool called `name` makes of these arguments."""
+
+    name: str
+    arguments: dict[str, Any]
 
 
 class WaitingCalls:

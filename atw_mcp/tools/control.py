@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from typing import Annotated, Any, Literal
 
 from mcp.server.mcpserver.exceptions import ToolError
@@ -16,7 +15,7 @@ from atw_mcp.calls.result_schemas import Unfinished
 from atw_mcp.calls.results import ROOM, Answer, damage_note, explained, to_result
 from atw_mcp.calls.schemas import argument_lines, inlined
 from atw_mcp.calls.toolbox import ToolGroup
-from atw_mcp.calls.waiting import Waiting
+from atw_mcp.calls.waiting import Forwarded, Waiting
 from atw_mcp.results.control import (
     Bindings,
     DescribedFields,
@@ -61,14 +60,7 @@ def describe_tool(
     if tool is None:
         tools = [{"tool": t.name, "role": t.role, "does": t.description.split(". ")[0]} for t in app.served]
         return Answer(summary=f"{len(tools)} tools", data={"tools": tools}, whole=True)
-    found = next((t for t in app.served if t.name.lower() == tool.lower()), None)
-    if found is None:
-        if (missing := app.selection.notes_on(tool, app.tools)) != "":
-            raise ToolError(missing)
-        names = [t.name for t in app.served]
-        close = difflib.get_close_matches(tool, names, n=1, cutoff=0.5)
-        hint = f" (did you mean {close[0]}?)" if close else ""
-        raise ToolError(f"no tool {tool!r}{hint}; tools: {', '.join(names)}")
+    found = app.tool(tool)
     properties: dict[str, Any] = found.parameters.get("properties", {})
     if argument is not None and found.name == "BuildWorld" and argument.startswith("parts."):
         from atw_mcp.worlds.parts import part_field_schema, part_schema  # the engine, whose descriptions these are
@@ -123,6 +115,18 @@ STAGES = {
     "world experimentation": "World Probing: refused until CommitWorld, but for Ask of named worlds",
     "execution control": "at any time",
 }
+
+
+@GROUP.tool(
+    "CallTool", title="Call a tool that is not listed", read_only=False, idempotent=False, pictures=True, returns=Json
+)
+def call_tool(
+    app: App,
+    tool: Annotated[str, Field(max_length=64, description="its name")],
+    arguments: Annotated[dict[str, Any], Field(description="its arguments, as DescribeTool(tool) lists them")],
+) -> Forwarded:
+    """Call a tool that the list lacks, such as one that a result names as the next step."""
+    return Forwarded(app.tool(tool).name, arguments)
 
 
 @GROUP.tool(

@@ -31,7 +31,7 @@ def test_a_case_is_opened_refused_and_read_again(
     async def session(client: Client) -> None:
         async with client:
             names = [tool.name for tool in (await client.list_tools()).tools]
-            assert {"OpenCase", "BuildWorld", "FitWorld", "CommitWorld", "ReadEvidence", "Finish"} <= set(names)
+            assert {"OpenCase", "ModelVideo", "CommitWorld", "CallTool", "ReadEvidence", "Finish"} <= set(names)
             opened = await client.call_tool("OpenCase", {"data": str(measurements), "name": "drop"})
             assert not opened.is_error
             body = opened.structured_content

@@ -29,7 +29,7 @@ def renders(*types: str) -> list[Any]:
 
 def listed(store: Path, mode: Any, extensions: Sequence[Any], selection: Selection | None = None) -> list[Tool]:
     async def tools() -> list[Tool]:
-        server = build_server(store, selection=selection or Selection())
+        server = build_server(store, selection=selection or Selection.of("all", False))
         async with Client(server, mode=mode, extensions=extensions) as client:
             return (await client.list_tools()).tools
 
@@ -54,7 +54,7 @@ def test_other_clients_get_the_same_list_without_references(tmp_path: Path, mode
 
 def test_the_tools_chosen_keep_their_references(tmp_path: Path) -> None:
     chosen = listed(tmp_path / "atw.db", "auto", renders(APP_MIME_TYPE), Selection.of("probing", True))
-    assert {tool.name for tool in chosen if tool.meta} == {"InspectRollout", "CompareWorlds"}
+    assert {tool.name for tool in chosen if tool.meta} == {"InspectRollout", "CompareWorlds", "FindDiscrepancy"}
 
 
 @pytest.mark.parametrize("mode", MODES)

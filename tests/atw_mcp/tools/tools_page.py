@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from atw_mcp.calls.toolsets import CORE
 from atw_mcp.tools import manifest
 
 PAGE = Path(__file__).parents[3] / ".docs" / "pages" / "tools.md"
@@ -19,10 +20,11 @@ STAGES = {
 
 def table() -> str:
     """One row a tool in Markdown, in the order of the method."""
-    rows = ["| stage | tool | what it does | leaves the case as it is |", "| --- | --- | --- | --- |"]
+    rows = ["| stage | tool | what it does | listed | leaves the case as it is |", "| --- | --- | --- | --- | --- |"]
     for entry in manifest.entries():
         unchanged = "yes" if entry["annotations"]["readOnlyHint"] else "no"
-        rows.append(f"| {STAGES[entry['role']]} | `{entry['name']}` | {entry['title']} | {unchanged} |")
+        listed = "always" if entry["name"] in CORE else "on request"
+        rows.append(f"| {STAGES[entry['role']]} | `{entry['name']}` | {entry['title']} | {listed} | {unchanged} |")
     return "\n".join(rows)
 
 
