@@ -77,6 +77,7 @@ def valid_calls(app: App, folder: Path, call: Call) -> list[tuple[str, dict[str,
         ("QueryWorld", {"rollout": rollout, "predicate": {"predicate": "collides", "a": "striker", "b": "target"}}),
         ("CompareWorlds", {"base": rollout, "edited": other}),
         ("DescribeTool", {"tool": "BuildWorld", "argument": "parts.rope"}),
+        ("CallTool", {"tool": "InspectWorld", "arguments": {"case": "discs"}}),
         ("ReadEvidence", {"evidence": "ev-1", "path": "objects", "limit": 3}),
         ("ReadEvidence", {"case": "discs"}),
         (
