@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import logging
 import sqlite3
 from collections.abc import Iterable
@@ -17,6 +16,7 @@ from atw_mcp.calls.files import AllowedFiles
 from atw_mcp.calls.jobs import JobRunner
 from atw_mcp.calls.limits import Limits
 from atw_mcp.calls.results import to_result
+from atw_mcp.calls.spelling import did_you_mean
 from atw_mcp.calls.toolsets import Selection
 from atw_mcp.calls.waiting import WaitingCalls
 from atw_mcp.calls.watching import EvidenceWatch
@@ -56,10 +56,8 @@ class App:
         found = next((tool for tool in self.served if tool.name.lower() == name.lower()), None)
         if found is None:
             names = [tool.name for tool in self.served]
-            close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-            hint = f" (did you mean {close[0]}?)" if close else ""
             own = self.selection.notes_on(name, self.tools)
-            raise ToolError(own or f"no tool {name!r}{hint}; tools: {', '.join(names)}")
+            raise ToolError(own or f"no tool {name!r}{did_you_mean(name, names)}; tools: {', '.join(names)}")
         return found
 
     # --- the end ---

@@ -268,7 +268,7 @@ def read_events(
     ] = None,
     interval: Seconds = None,
     frames: FrameRange = None,
-    floor: Annotated[bool, Field(description="also touches of the floor that everything stands on")] = False,
+    floor: Annotated[bool, Field(description="also of what stands or slides: all its touches of the floor")] = False,
     limit: Annotated[int, Field(ge=1, le=500, description="how many events to return")] = 20,
     cursor: Annotated[int, Field(ge=0, description="first event to return")] = 0,
 ) -> Answer:
@@ -278,25 +278,27 @@ def read_events(
     case, world, result, span = _read(app, rollout, interval, frames)
     statics = [s.name for s in world.statics]
     chosen = chosen_names(app, case, objects, [*result.trajectory.names, *statics])
-    skipped = set() if floor else readouts.floors(world) - set(objects or [])
+    named = bool(readouts.floors(world) & set(objects or []))
+    every = floor or named or readouts.floor_contacts_included(world, result)
     wanted = [
         event
-        for event in result.events
+        for event in (result.events if every else readouts.reported_events(world, result))
         if span.holds(event.time)
         and (kinds is None or event.kind in kinds)
-        and not set(event.participants) & skipped
         and (objects is None or _takes_part(set(event.participants), set(chosen), together))
     ]
     page = wanted[cursor : cursor + limit]
     rest = cursor + limit if cursor + limit < len(wanted) else None
     return Answer(
-        summary=f"{len(wanted)} events between {span.start:.4g} and {span.end:.4g} s{diverged_in_words(result)}",
+        summary=f"{len(wanted)} events between {span.start:.4g} and {span.end:.4g} s"
+        + ("" if every else "; without slow touches of the floor (floor=true)")
+        + diverged_in_words(result),
         data={
             "events": [readouts.event_row(event, span) for event in page],
             "of": len(wanted),
             "next_cursor": rest,
             "covers": span.shown(),
-            "floor_contacts_included": not skipped,
+            "floor_contacts_included": every,
             "impulse_Ns": "of contact_begin: of its first step; of contact_end: of the whole contact",
         },
         case=case.id,

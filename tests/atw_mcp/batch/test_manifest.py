@@ -51,7 +51,10 @@ def test_cases_keep_their_lines_places_and_paths(tmp_path: Path) -> None:
         ({"id": "discs"}, ["line 1 has the case 'discs' already"]),
         (question(predicate=None), ["questions.0", "predicate"]),
         (question(predicate={"predicate": "colides"}), ["questions.0.predicate", "did you mean 'collides'?"]),
-        (question(edits=[{"action": "delete"}]), ["questions.0.edits.0: no action 'delete'", "remove, add, move"]),
+        (
+            question(edits=[{"action": "delete"}]),
+            ["questions.0.edits.0: no action 'delete' (did you mean 'remove'?)", "remove, add, move"],
+        ),
         (question(), ["questions.0.horizon_seconds: is required"]),
         (question(horizon_seconds=1, how_sure=True), ["questions.0.how_sure: a described world is not fitted"]),
         (question(ensemble=2), ["questions.0.ensemble: no such field", "how_sure"]),

@@ -101,7 +101,7 @@ def test_what_is_not_served_is_refused_with_how_to_get_it(tmp_path: Path) -> Non
     assert built == "BuildWorld is not served here: start the server without --read-only"
     assert "AddEffect is not served here: start the server without --read-only" in described
     assert "OpenCase is not served here" in early  # the refusal names it as the next step
-    assert "did you mean ReadEvidence" in unknown
+    assert "did you mean 'ReadEvidence'" in unknown
     assert "BuildWorld" not in unknown
 
 

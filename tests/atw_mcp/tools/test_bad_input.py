@@ -110,7 +110,7 @@ def test_predicates_and_edits_in_a_wrong_form_are_shown_an_example(session: Sess
     rollout = session("Rollout", case="discs", horizon_seconds=0.1)["source"]["rollout"]
     assert '{"predicate": "collides", "a"' in session.refused("QueryWorld", rollout=rollout, predicate="collides")
     assert '{"action": "remove", "object"' in session.refused("Rollout", case="discs", edits=["remove"])
-    assert "no action 'delete'; there are remove" in session.refused(
+    assert "no action 'delete' (did you mean 'remove'?); there are remove" in session.refused(
         "Rollout", case="discs", edits=[{"action": "delete", "object": "target"}]
     )
 

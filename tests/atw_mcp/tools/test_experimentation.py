@@ -359,6 +359,11 @@ def test_landing_is_new_where_the_base_stands(tmp_path: Path) -> None:
     )
     assert stands.data["timeline"] == []
     assert not stands.data["floor_contacts_included"]
+    at_rest, landed = (tools.read_events(app, str(made.rollout)) for made in (stands, lands))
+    assert at_rest.data["events"] == []
+    assert "0 events" in at_rest.summary
+    assert "without slow touches of the floor (floor=true)" in at_rest.summary
+    assert landed.data["events"][0]["objects"] == ["ball", "floor"]
     (landing,) = (row for row in lands.data["timeline"] if row["what"] == "collision")
     assert landing["time"] == pytest.approx((2 * 0.2 / 9.81) ** 0.5, abs=0.01)
     assert landing["approach_speed"] == pytest.approx((2 * 0.2 * 9.81) ** 0.5, rel=0.02)
