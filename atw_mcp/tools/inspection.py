@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -245,20 +246,21 @@ def _parameter(app: App, case: Case, world: World, path: str) -> dict[str, Any]:
 
 
 def _in_words(row: dict[str, Any]) -> str:
-    value = row["value"]
+    value, error = row["value"], row.get("standard_error")
     if isinstance(value, float):
         unit = row.get("unit", "")
-        text = f"{value:.4g}" if unit in ("", "1") else f"{value:.4g} {unit}"
+        text = f"{value:.4g}"
+        if isinstance(error, float) and error > 0.0:  # as many decimals as two digits of the error have
+            text = f"{value:.{max(0, 1 - math.floor(math.log10(error)))}f} ± {error:.2g}"
+        text = text if unit in ("", "1") else f"{text} {unit}"
     elif isinstance(value, tuple | list):
         text = f"({', '.join(f'{v:.4g}' for v in value)}) {row.get('unit', '')}".rstrip()
     elif isinstance(value, dict):
         text = str(value.get("kind"))
     else:
         text = "left open" if value is None and "path" in row else str(value)
-    error = row.get("standard_error")
-    sigma = f" ± {error:.2g}" if isinstance(error, float) else ""
     doubt = ", not determined by the data" if row.get("undetermined") else ""
-    return f"{row.get('object') or row.get('path')} {text}{sigma} ({row['known']}{doubt})"
+    return f"{row.get('object') or row.get('path')} {text} ({row['known']}{doubt})"
 
 
 def _edits(world: World) -> list[str]:
