@@ -1,4 +1,4 @@
-"""The page's examples of Python run as they are written, one after the other, and give what they say."""
+"""The pages' examples of Python run as they are written, one after the other, and give what they say."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-PAGE = Path(__file__).parent.parent / ".docs" / "pages" / "python.md"
+PAGES = Path(__file__).parent.parent / ".docs" / "pages"
 
 
 def test_examples_of_python_run_and_say_what_is_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    blocks = re.findall(r"^```python\n(.*?)^```", "".join((PAGES / f"{name}.md").read_text(encoding="utf-8") for name in ("python", "worlds")), re.MULTILINE | re.DOTALL)
     assert len(blocks) == 7
     names: dict[str, Any] = {}
     for block in blocks:

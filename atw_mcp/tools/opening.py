@@ -37,8 +37,8 @@ def open_case(
         Field(description="questions about the case, kept with it", max_length=50),
     ] = None,
 ) -> Answer:
-    """Start here. Open a video (or a measured data file) as a case and learn its facts; without arguments, list every case.
-    Opening the same file again continues its case as it was left."""
+    """Start here. Open a video (or a measured data file) as a case and learn its facts; without arguments, list all
+    cases. Opening the same file again continues its case as it was left."""
     given = [key for key, value in (("video", video), ("data", data), ("case", case)) if value is not None]
     if len(given) > 1:
         raise ToolError(f"OpenCase takes one of video, data or case, got {' and '.join(given)}")

@@ -13,42 +13,8 @@ from pathlib import Path
 
 import pytest
 
-LAW = '''
-"""A push along x in one half of space: nothing for x < 0, constant beyond."""
-
-import warp as wp
-
-from polyworld.effects.absence import Absence, Way, strength
-from polyworld.effects.conditions import Conditions
-from polyworld.effects.law import EffectLaw, EffectParameter, Motion, Vec8, wrench
-
-
-@wp.func
-def force(p: Vec8, b: Motion) -> wp.spatial_vectord:
-    if b.x[0] < wp.float64(0.0):
-        return wp.spatial_vectord()
-    return wrench(wp.vec3d(p[0], wp.float64(0.0), wp.float64(0.0)), wp.vec3d())
-
-
-LAW = EffectLaw(
-    kind="half_space_push",
-    summary="F_x = f where x > 0, else 0",
-    parameters={"push": EffectParameter("N", -1e3, 1e3, (-1.0, 1.0), 0.0, "force beyond x = 0")},
-    force=force,
-    reference="made up",
-    work=None,
-)
-
-
-def ways(found: Conditions) -> list[Way]:
-    return [Way({"push": strength(found.force, found.weight)})] if 0 in found.axes else []
-
-
-ABSENCE = Absence(
-    ways,
-    signature="residual along x that sets in at x = 0",
-)
-'''
+PAGE = Path(__file__).parents[3] / ".docs" / "pages" / "effects.md"
+LAW = PAGE.read_text(encoding="utf-8").partition("```python\n")[2].partition("```")[0]
 
 # The engine is imported as always, but for the folder more that laws are looked for in.
 PROGRAM = """
