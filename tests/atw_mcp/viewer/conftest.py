@@ -70,7 +70,7 @@ class Pages:
         """Close all pages; AssertionError where one had an error or a request to elsewhere."""
         for watched, url in self._opened:
             watched.page.context.close()
-            inside = (url, "blob:", "data:") if url.startswith("file:") else (_origin(url), "blob:", "data:")
+            inside = (url.partition("#")[0], "blob:", "data:") if url.startswith("file:") else (_origin(url), "blob:", "data:")
             assert not watched.errors, f"{url}: {watched.errors}"
             assert not [r for r in watched.requests if not r.startswith(inside)], url
 

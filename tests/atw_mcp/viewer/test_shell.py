@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 import pytest
 
@@ -193,3 +195,36 @@ def _luminance(color: str) -> float:
     shares = np.array([int(color[k : k + 2], 16) / 255 for k in (1, 3, 5)])
     linear = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
     return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def test_a_link_leads_back_to_what_was_shown(browser: Browser, page: Page) -> None:
+    page.click("#tab-evidence")
+    now = _press(page, "ArrowRight", "ArrowRight")
+    pages = Pages(browser)
+    try:
+        again = pages.open(page.url, width=640, height=480)
+        assert _time(again) == pytest.approx(now, abs=1e-4)
+        assert again.get_attribute("#tab-evidence", "aria-selected") == "true"
+        assert again.input_value("[name=compared]") == "rollout-branch"
+        assert again.get_attribute(".stage", "data-layout") == "ghost"
+    finally:
+        pages.close()
+
+
+def test_series_and_pictures_are_taken_away(page: Page, tmp_path: Path) -> None:
+    page.select_option("[name=quantity]", "x")
+    saved = {}
+    for place, button in ((".series", "CSV"), (".series", "PNG"), (".scene", "PNG")):
+        with page.expect_download() as found:
+            page.click(f"{place} button:text-is('{button}')")
+        found.value.save_as(path := tmp_path / f"{place}{button}")
+        saved[place, button] = path
+    with saved[".series", "CSV"].open(newline="") as file:
+        header, *rows = csv.reader(file)
+    assert header == ["source", "object", "t [s]", "position x [m]", "sigma"]
+    base = [float(row[3]) for row in rows if row[:2] == ["as built", "red_ball"]]
+    np.testing.assert_allclose(base, positions(False)[:, 0, 0], rtol=FLOAT32)
+    np.testing.assert_allclose([float(row[4]) for row in rows if row[0] == "observed"], SIGMA, rtol=FLOAT32)
+    for place in (".series", ".scene"):
+        picture = cv2.imread(str(saved[place, "PNG"]))
+        assert picture.std() > 5.0, "something is drawn"

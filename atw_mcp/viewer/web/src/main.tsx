@@ -1,5 +1,6 @@
 import { render } from "preact";
 import { listen } from "./keys";
+import { linked } from "./link";
 import { Shell } from "./shell";
 import { open } from "./source";
 import { runClock } from "./state";
@@ -9,4 +10,4 @@ import "./style.css";
 render(<Shell />, document.getElementById("app")!);
 runClock();
 listen();
-void open();
+void open().then(linked);

@@ -3,6 +3,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { ViewDocument } from "../document";
 import { moment, words } from "../format";
+import { PictureButton } from "../save";
 import { object, opened, other, rollout } from "../state";
 import type { Opened } from "../unpack";
 import { COMPARED, DASHES, OBSERVED, SHOWN } from "./film/drawing";
@@ -77,6 +78,7 @@ export function Film() {
             {layer.title}
           </button>
         ))}
+        <PictureButton name={`frame ${drawn?.frame ?? 0}`} canvas={() => canvas.current} />
       </div>
       <div class="film-room">
         <div class="film-frame" style={{ "--width": width, "--height": height }} title={doc.film?.note}>

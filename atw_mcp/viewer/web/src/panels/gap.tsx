@@ -1,6 +1,6 @@
 // The gap between a world and what was measured: each step of finding, naming and closing it, in order.
-import { useMemo } from "preact/hooks";
-import { signal } from "@preact/signals";
+import { useEffect, useMemo, useRef } from "preact/hooks";
+import { signal, useSignal } from "@preact/signals";
 import type { GapView } from "../document";
 import { words } from "../format";
 import { document, evidence, opened, tab } from "../state";
@@ -86,6 +86,7 @@ function Content({ view }: { view: GapView }) {
           {view.evidence}, {view.tool}
         </button>
       </p>
+      <Index />
       <Proof view={view} />
       <Candidates candidates={view.candidates} compared={view.tool === "ProposeEffects"} />
       {seen.length > 0 ? (
@@ -98,5 +99,25 @@ function Content({ view }: { view: GapView }) {
         <p class="soft small">This result holds no residuals as numbers.</p>
       )}
     </div>
+  );
+}
+
+/** The headings of the figures below, to go to: they are several screens long. */
+function Index() {
+  const here = useRef<HTMLElement>(null);
+  const titles = useSignal<string[]>([]);
+  const headings = () => [...here.current!.parentElement!.querySelectorAll<HTMLElement>("h3")];
+  useEffect(() => {
+    const found = headings().map((heading) => heading.textContent ?? "");
+    if (found.join() !== titles.value.join()) titles.value = found;
+  });
+  return (
+    <nav class="bar" aria-label="figures" ref={here}>
+      {titles.value.map((title, k) => (
+        <button key={title} class="link small" onClick={() => headings()[k]!.scrollIntoView({ behavior: "smooth" })}>
+          {title}
+        </button>
+      ))}
+    </nav>
   );
 }

@@ -3,6 +3,7 @@ import { effect, signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { type Lane, visibleLanes } from "../events";
 import { quantity, words } from "../format";
+import { PictureButton } from "../save";
 import { Axes, axesOf } from "../scene/axes";
 import { palette } from "../scene/palette";
 import { Stage, type Statistics } from "../scene/stage";
@@ -58,6 +59,8 @@ interface Notes {
   fast: [string, number][];
 }
 const notes = signal<Notes>({ keys: [], missing: [], grid: "", fast: [] });
+/** Effects named in the legend: pulses of collisions may be many, and would cover the scene. */
+const MOST_KEYS = 5;
 /** Why there is no canvas; "" where there is one. */
 const trouble = signal("");
 const stage = signal<Stage | null>(null);
@@ -69,6 +72,7 @@ export function Scene() {
   const camera = world.value?.camera ?? null;
   const { axes, bar, windows, frame } = over.value;
   const { keys, missing, grid, fast } = notes.value;
+  const listed = keys.length > MOST_KEYS ? keys.filter((k) => k.arrows || k.field).slice(0, MOST_KEYS) : keys;
   return (
     <section class="panel scene" aria-label="scene">
       <div class="bar">
@@ -93,7 +97,9 @@ export function Scene() {
             Following {words(followed.value)} ×
           </button>
         )}
-        <details class="show push">
+        <span class="push" />
+        <PictureButton name="scene" canvas={() => stage.value?.picture} />
+        <details class="show">
           <summary>Show</summary>
           <div>
             {SWITCHES.map(({ key, title }) => (
@@ -152,7 +158,7 @@ export function Scene() {
           </p>
         )}
         <div class="legend">
-          {keys.flatMap((k) => [
+          {listed.flatMap((k) => [
             (k.arrows || !k.field) && (
               <p key={k.name} data-effect={k.name} data-full={k.arrows?.full}>
                 <b>{words(k.name)}</b>
@@ -169,6 +175,7 @@ export function Scene() {
               </p>
             ),
           ])}
+          {listed.length < keys.length && <p>and {keys.length - listed.length} more effects</p>}
           {fast.map(([name, speed]) => (
             <p key={`${name} speed`} class="grid">
               {words(name)}: lighter where faster, lightest from {quantity(speed, "m/s", 2)}

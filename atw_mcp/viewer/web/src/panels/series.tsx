@@ -5,6 +5,7 @@ import { useEffect, useRef } from "preact/hooks";
 import type { RolloutView } from "../document";
 import { digits, moment, unitText, words } from "../format";
 import { legible } from "../legible";
+import { PictureButton, TableButton } from "../save";
 import { document, duration, object, observedRun as run, other, otherWorld, rollout, time, track, world } from "../state";
 import { dark } from "../theme";
 import { LargestResiduals } from "./largest_residuals";
@@ -133,13 +134,30 @@ function Controls() {
           </button>
         ))}
       </div>
+      <span class="push" />
+      <TableButton name={measure.value!.name} rows={rows} />
+      <PictureButton name={measure.value!.name} canvas={() => window.document.querySelector(".series canvas")} />
       {zoomed.value && (
-        <button class="push" onClick={() => (zoomed.value = null)}>
+        <button onClick={() => (zoomed.value = null)}>
           All of time
         </button>
       )}
     </div>
   );
+}
+
+/** What is drawn as a table: simulated values, then measured ones with their standard deviation. */
+function rows(): (string | number)[][] {
+  const { title, unit } = measure.value!;
+  return [
+    ["source", "object", "t [s]", `${title} [${unit}]`, "sigma"],
+    ...lines.value.flatMap(({ rollout: { label }, object: name, points: { times, values } }) =>
+      Array.from(times, (t, k) => [label, name, t, values[k]!, NaN]),
+    ),
+    ...dots.value.flatMap(({ object: name, observed: { times, values, sigma } }) =>
+      Array.from(times, (t, k) => ["observed", name, t, values[k]!, sigma[k]!]),
+    ),
+  ];
 }
 
 /** Add an object to those drawn or take it away; what was drawn by default stays until then. */

@@ -238,6 +238,12 @@ export class Stage {
     this.draw(); // at once: a canvas that has changed its size is empty
   }
 
+  /** The canvas, drawn in this moment: after it, WebGL may have cleared what is not yet displayed. */
+  get picture(): HTMLCanvasElement {
+    this.draw();
+    return this.renderer.domElement;
+  }
+
   /** Draw with the next frame of the display. */
   request(): void {
     this.waiting ||= requestAnimationFrame(() => {

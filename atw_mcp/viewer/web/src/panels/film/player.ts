@@ -29,8 +29,8 @@ export class Player {
 
   /** Show place `f` in the row of frames, moving on by `rate` frames a second; 0: at rest. */
   follow(f: number, rate: number): void {
-    if (this.video.readyState === HTMLMediaElement.HAVE_NOTHING) return;
     this.wanted = Math.max(0, Math.min(Math.round(f), this.times.count - 1));
+    if (this.video.readyState === HTMLMediaElement.HAVE_NOTHING) return; // sought once there is something
     const speed = rate * this.times.interval;
     const inside = f > -0.5 && f < this.times.count - 0.5;
     if (rate > 0 && inside && speed >= SLOWEST && speed <= FASTEST) this.play(f, speed);
