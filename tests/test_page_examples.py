@@ -15,7 +15,8 @@ PAGES = Path(__file__).parent.parent / ".docs" / "pages"
 def test_examples_of_python_run_and_say_what_is_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"^```python\n(.*?)^```", "".join((PAGES / f"{name}.md").read_text(encoding="utf-8") for name in ("python", "worlds")), re.MULTILINE | re.DOTALL)
+    text = "".join((PAGES / f"{name}.md").read_text(encoding="utf-8") for name in ("python", "worlds"))
+    blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     assert len(blocks) == 7
     names: dict[str, Any] = {}
     for block in blocks:

@@ -70,7 +70,8 @@ class Pages:
         """Close all pages; AssertionError where one had an error or a request to elsewhere."""
         for watched, url in self._opened:
             watched.page.context.close()
-            inside = (url.partition("#")[0], "blob:", "data:") if url.startswith("file:") else (_origin(url), "blob:", "data:")
+            own = url.partition("#")[0] if url.startswith("file:") else _origin(url)
+            inside = (own, "blob:", "data:")
             assert not watched.errors, f"{url}: {watched.errors}"
             assert not [r for r in watched.requests if not r.startswith(inside)], url
 

@@ -200,6 +200,7 @@ def _luminance(color: str) -> float:
 def test_a_link_leads_back_to_what_was_shown(browser: Browser, page: Page) -> None:
     page.click("#tab-evidence")
     now = _press(page, "ArrowRight", "ArrowRight")
+    page.wait_for_url(f"**t={now:g}")
     pages = Pages(browser)
     try:
         again = pages.open(page.url, width=640, height=480)

@@ -2,6 +2,10 @@
 import { batch, effect } from "@preact/signals";
 import { chosen, compared, layout, object, opened, playing, rolloutOf, seek, tab, time, type Tab } from "./state";
 
+/** How long nothing changes before the address does [ms]: browsers limit how often it may, and are slow about it. */
+const AT_REST = 300;
+let waiting = 0;
+
 /** Show what the address says, now and when it changes, and keep it at what is shown. */
 export function linked(): void {
   if (!opened.value || !/^(https?|file):$/.test(location.protocol)) return; // a host's frame has no address of its own
@@ -15,9 +19,10 @@ export function linked(): void {
       said.set("layout", layout.value);
     }
     if (object.value) said.set("object", object.value);
-    if (playing.value) return; // browsers limit how often the address changes
+    if (playing.value) return;
     said.set("t", String(Number(time.value.toFixed(4))));
-    history.replaceState(null, "", `#${said}`);
+    clearTimeout(waiting);
+    waiting = setTimeout(() => history.replaceState(null, "", `#${said}`), AT_REST);
   });
 }
 
