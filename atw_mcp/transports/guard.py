@@ -19,6 +19,7 @@ from atw_mcp.transports.limits import HTTP_LIMITS, LIMITS, HttpLimits, WireLimit
 from atw_mcp.transports.messages import NotAMessage, encoded, read_message
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
+HEALTH = "/health"  # answered to everybody: probes know neither a name of the server nor a token
 METHOD = "atw.method"  # key of the scope: the JSON-RPC method of a request that passed
 
 
@@ -69,6 +70,9 @@ class Guard:
         """Serve one ASGI connection."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
+            return
+        if scope["path"] == HEALTH:
+            await _send(send, 200, b'{"status":"ok"}', {})
             return
         headers = Headers(scope=scope)
         try:
@@ -142,7 +146,10 @@ class Guard:
 
 async def respond(send: Send, status: int, error: JSONRPCError, **headers: str) -> None:
     """Send a JSON-RPC error as a whole HTTP response."""
-    body = encoded(error)
+    await _send(send, status, encoded(error), headers)
+
+
+async def _send(send: Send, status: int, body: bytes, headers: Mapping[str, str]) -> None:
     named = {"content-type": "application/json", "content-length": str(len(body)), **headers}
     raw = [(name.encode(), value.encode()) for name, value in named.items()]
     await send({"type": "http.response.start", "status": status, "headers": raw})

@@ -70,6 +70,8 @@ def test_only_a_valid_token_a_known_host_and_a_known_origin_are_let_in(tmp_path:
             assert refused.headers["www-authenticate"].startswith("Bearer")
         for path in ("/", "/mcp/x", "/openapi.json"):
             assert status(url.removesuffix("/mcp") + path, authorization="").status_code == 401
+        health = httpx2.get(url.removesuffix("/mcp") + "/health", headers={"host": "10.0.0.7"})
+        assert health.json() == {"status": "ok"}
         assert status(host="evil.example").status_code == 421
         assert status(host="127.0.0.1.evil.example").status_code == 421
         assert status(origin="https://evil.example").status_code == 403
