@@ -45,7 +45,7 @@ def test_a_case_is_opened_refused_and_read_again(
 
             unknown = await client.call_tool("OpenCases", {})
             assert unknown.is_error
-            assert "did you mean OpenCase" in unknown.content[0].text
+            assert "did you mean 'OpenCase'" in unknown.content[0].text
 
             again = await client.call_tool("ReadEvidence", {"evidence": "ev-1"})
             assert json.loads(again.content[0].text) == body
