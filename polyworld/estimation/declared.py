@@ -83,7 +83,10 @@ def constants(
     for world in worlds:
         paths |= dict.fromkeys(_other_paths(world, materials), world)
     taken = {path for u in found for path in u.paths}
-    found += [flat(world, (path,)) for path, world in paths.items() if path not in taken]
+    for path, world in paths.items():
+        if path not in taken:
+            joint = path.startswith("joints.")
+            found.append(joint_resistance(world, path, settings) if joint else flat(world, (path,)))
     if time_base:
         value = worlds[0].time.seconds_per_frame
         spec = specification(worlds[0], "time.seconds_per_frame")
@@ -131,18 +134,25 @@ def flat(world: World, paths: tuple[str, ...], name: str | None = None) -> Unkno
 
 def _range(world: World, path: str, spec: ParameterSpec, value: float | None) -> tuple[float, float]:
     lower, upper = spec.search
-    if path.startswith("joints."):  # what stops a body within a second
-        joint = next(j for j in world.joints if j.name == path.split(".")[1])
-        item = world.object(joint.object)
-        mass = read_parameter(world, f"objects.{item.name}.mass") or 1.0
-        arm = float(np.linalg.norm(np.subtract(joint.anchor, item.position))) if joint.kind == "hinge" else 1.0
-        weight = mass * float(np.linalg.norm(world.environment.gravity))
-        lower, upper = 0.0, 0.3 * (weight * arm if path.endswith("friction") else 10.0 * mass * arm**2)
-        upper = max(upper, 1e-9)
     if value is not None and value > 0.0 and not lower <= value <= upper:
         factor = DECADES if lower > 0.0 and upper / lower > 10.0 else 2.0
         lower, upper = min(lower, value / factor), max(upper, value * factor)
     return max(spec.lower, lower), min(spec.upper, upper)
+
+
+def joint_resistance(world: World, path: str, settings: PriorSettings) -> Unknown:
+    """Return the friction or damping of a hinge or slider, which may be 0: half-normal.
+
+    Friction counts as a share of the weight that it holds (times its arm at a hinge), damping as a rate of decay.
+    """
+    _, name, field = path.split(".")
+    joint = next(j for j in world.joints if j.name == name)
+    item = world.object(joint.object)
+    mass = read_parameter(world, f"objects.{item.name}.mass") or 1.0
+    arm = float(np.linalg.norm(np.subtract(joint.anchor, item.position))) if joint.kind == "hinge" else 1.0
+    weight = mass * float(np.linalg.norm(world.environment.gravity))
+    sd = settings.joint_friction * weight * arm if field == "friction" else settings.joint_damping * mass * arm**2
+    return _absent(path, (path,), specification(world, path).unit, max(sd, 1e-9))
 
 
 class _Rows:
