@@ -138,7 +138,6 @@ def json_ready(value: Any) -> Any:
 
 BEYOND = (0.5, 1.0)  # [s] after the last frame
 CENTRAL = (0.1, 0.9)  # quantiles of an interval
-ASIDE = 10.0  # ratio of a path to its part along an axis up to which directions err by as much as lengths
 QUANTILES = 19  # of the distribution of errors by which each member is widened
 DECIDES = 0.3  # part of the spread that one constant explains, from which on it is said to decide
 
@@ -268,10 +267,9 @@ def travelled(positions: Array) -> Array:
 def travelled_by_axis(positions: Array, normal: Array | None = None) -> Array:
     """Return the distances [m] with which errors of positions (..., T, 3) go by axis, (..., T, 3).
 
-    That of the whole path, but no more than `ASIDE` times that along the axis, since what a hinge or a rail holds does
-    not leave it; along z that of its rise and fall alone, since what lies on a floor stays on it; none across a motion
-    plane with this normal (3,).
+    That of the whole path, along z that of its rise and fall alone, since what lies on a floor stays on it; none across
+    a motion plane with this normal (3,).
     """
-    whole, own = travelled(positions), [travelled(positions * axis) for axis in np.eye(3)]
-    found: Array = np.stack([np.minimum(whole, ASIDE * own[0]), np.minimum(whole, ASIDE * own[1]), own[2]], axis=-1)
+    whole, upright = travelled(positions), travelled(positions * [0.0, 0.0, 1.0])
+    found: Array = np.stack([whole, whole, upright], axis=-1)
     return found if normal is None else found * (1.0 - np.abs(normal))

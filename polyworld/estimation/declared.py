@@ -83,10 +83,11 @@ def constants(
     for world in worlds:
         paths |= dict.fromkeys(_other_paths(world, materials), world)
     taken = {path for u in found for path in u.paths}
-    for path, world in paths.items():
-        if path not in taken:
-            joint = path.startswith("joints.")
-            found.append(joint_resistance(world, path, settings) if joint else flat(world, (path,)))
+    found += [
+        joint_resistance(world, path, settings) if path.startswith("joints.") else flat(world, (path,))
+        for path, world in paths.items()
+        if path not in taken
+    ]
     if time_base:
         value = worlds[0].time.seconds_per_frame
         spec = specification(worlds[0], "time.seconds_per_frame")
@@ -122,7 +123,7 @@ def _other_paths(world: World, materials: Sequence[str] | None) -> list[str]:
 def flat(world: World, paths: tuple[str, ...], name: str | None = None) -> Unknown:
     """Return an unknown over its usual range, in logarithms where that spans more than a decade above zero."""
     spec, value = specification(world, paths[0]), read_parameter(world, paths[0])
-    lower, upper = _range(world, paths[0], spec, value)
+    lower, upper = _range(spec, value)
     name = name or paths[0].removeprefix("objects.").removeprefix("effects.")
     if lower > 0.0 and upper / lower > 10.0:
         start = float(np.sqrt(lower * upper)) if value is None or value <= 0.0 else value
@@ -132,7 +133,7 @@ def flat(world: World, paths: tuple[str, ...], name: str | None = None) -> Unkno
     return Unknown(name, paths, spec.unit, start, lower, upper, sd)
 
 
-def _range(world: World, path: str, spec: ParameterSpec, value: float | None) -> tuple[float, float]:
+def _range(spec: ParameterSpec, value: float | None) -> tuple[float, float]:
     lower, upper = spec.search
     if value is not None and value > 0.0 and not lower <= value <= upper:
         factor = DECADES if lower > 0.0 and upper / lower > 10.0 else 2.0
