@@ -194,7 +194,7 @@ def _register_pictures(server: MCPServer[Any], app: App) -> None:
 
         with explaining():
             image = read_frames(app.files.film(found.path), [int(frame)])[0]
-        return next(iter(encoded({f"frame {frame}": image}).values()))
+        return next(iter(encoded({f"frame {frame}": image})[0].values()))
 
 
 def _register_schemas(server: MCPServer[Any], app: App) -> None:

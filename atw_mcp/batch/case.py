@@ -124,7 +124,7 @@ def _model(steps: Steps, case: ManifestCase, result: CaseResult) -> None:
         "CommitWorld",
         case=name,
         world=made.evidence.world,
-        **({"even_if_failed": True} if entry.even_if_failed else {}),
+        **({"even_if_poor": True} if entry.even_if_poor else {}),
     )
 
 

@@ -89,7 +89,7 @@ class Entry(BaseModel):
     camera: str | None = Field(default=None, description="path of a camera file, as ImportObservation takes")
     read: dict[str, Any] = Field(default={}, description="tracks: further arguments of ImportObservation")
     fit: dict[str, Any] = Field(default={}, description="arguments of FitWorld")
-    even_if_failed: bool = Field(default=False, description="ask a world whose fit failed all the same")
+    even_if_poor: bool = Field(default=False, description="ask a world whose fit is poor all the same")
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="random seed of the fit")
     questions: list[Question] = Field(default=[], max_length=300, description="asked of the fitted world, in order")
 

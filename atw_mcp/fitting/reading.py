@@ -102,7 +102,7 @@ def next_step(case: str, world: str, document: dict[str, Any], pooled: str = "")
     """Which call to make after a fit. pooled: before a commit."""
     look = f"InspectRollout(case={case!r}, world={world!r})"
     verdict = document["verdict"]["verdict"]
-    if verdict == "failed":
+    if verdict == "poor":
         return cure(case, world)
     if verdict == "good":
         return f"{look}, then {pooled}CommitWorld(case={case!r}, world={world!r})"

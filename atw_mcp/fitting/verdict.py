@@ -1,4 +1,4 @@
-"""A verdict on a fit: good, poor or failed, by what it predicts of frames that it left out, beside noise and size."""
+"""A verdict on a fit: good, doubtful or poor, by what it predicts of frames that it left out, beside noise and size."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.fitted import FittedRun
 from polyworld.world.geometry import equivalent_radius
 
-Verdict = Literal["good", "poor", "failed"]
+Verdict = Literal["good", "doubtful", "poor"]
 
 
 @dataclass(frozen=True)
 class VerdictSettings:
-    """When a fit is good, poor or failed.
+    """When a fit is good, doubtful or poor.
 
     noisy: times the noise up to which an error is measurement, or nearly. small: of a body's radius up to which an
     error matters to no contact. large: of a body's radius, from which contacts happen or fail that the video shows
     otherwise. unexplained: of the motion itself, beyond which the fit says no more of where a body is than its mean
-    place. share: of the moving bodies that must be largely off for the whole to have failed. wrong: probability that a
+    place. share: of the moving bodies that must be largely off for the whole to be poor. wrong: probability that a
     world answers as chance would where a body is far off, from questions of `tests.benchmarks.foresight` about
     rendered throws, bounces and ramps.
     """
@@ -67,14 +67,13 @@ class BodyFit:
 
     @property
     def verdict(self) -> Verdict:
-        """Good where what was left out is predicted to noise, or to little beside the body; failed where the frames
+        """Good where what was left out is predicted to noise, or to little beside the body; poor where the frames
         fitted are off by much beside body and motion."""
         predicted = self.error if self.ahead is None else max(self.error, self.ahead)
         if predicted <= max(SETTINGS.noisy * self.noise, SETTINGS.small * self.radius):
             return "good"
-        return (
-            "failed" if self.error > max(SETTINGS.large * self.radius, SETTINGS.unexplained * self.motion) else "poor"
-        )
+        large = max(SETTINGS.large * self.radius, SETTINGS.unexplained * self.motion)
+        return "poor" if self.error > large else "doubtful"
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready values."""
@@ -98,14 +97,13 @@ class FitVerdict:
 
     @property
     def verdict(self) -> Verdict:
-        """Failed where it diverges or half of the moving bodies are far off, poor where any body is off."""
+        """Poor where it diverges or half of the moving bodies are far off, doubtful where any body is off."""
         if self.diverged:
-            return "failed"
+            return "poor"
         found = [body.verdict for body in self.bodies]
-        failed = found.count("failed")
-        if failed and failed >= SETTINGS.share * len(found):
-            return "failed"
-        return "poor" if set(found) - {"good"} else "good"
+        if found.count("poor") >= max(1, SETTINGS.share * len(found)):
+            return "poor"
+        return "doubtful" if set(found) - {"good"} else "good"
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready values."""
@@ -171,7 +169,7 @@ def chance_of_wrong(verdict: Mapping[str, Any] | None) -> tuple[float, str]:
 
 
 def cure(case: str, world: str) -> str:
-    """Advise what to do about a fit that failed."""
+    """Advise what to do about a poor fit."""
     return (
         f"InspectRollout(case={case!r}, world={world!r}) shows where it leaves the video. Then correct tracks, shapes "
         "or obstacles (BuildWorld), or fit the frames up to the first that goes wrong (FitWorld with last_frame) and "

@@ -46,8 +46,8 @@ def fit_report(app: App, case: Case, fitted: Step, steps: Steps, model: VideoMod
     """Judge the fitted world: errors beside body and noise, matches, values, predictions, doubts."""
     world = fitted.evidence.world
     doubts = [*_doubts(steps, fitted, model), *_off_plane(app, case, fitted.evidence.observation)]
-    off = [error for error in model.errors if not error.follows]
-    verdict = "poor" if off or model.diverged else "doubtful" if doubts else "good"
+    verdict = "poor" if model.diverged else fitted.data["verdict"]
+    verdict = "doubtful" if verdict == "good" and doubts else verdict
     pooled = sharing(app, case, world, fitted.data["values"])
     worst = model.errors[0] if model.errors else None
     size = "" if worst is None else f"; worst {worst.object}: {_error(worst)}"
@@ -113,7 +113,7 @@ def _next(case: Case, steps: Steps, model: VideoModel, world: str | None, verdic
     unseen = () if model.matching is None else model.matching.unseen
     again = f"ModelVideo(case={case.id!r}, ...) again"
     if unseen:
-        seed = f"{{kind: 'outline', object: {unseen[0]!r}, frame: ..., points: [[u, v], ...], add: true}}"
+        seed = f"{{kind: 'add', object: {unseen[0]!r}, frame: ..., outline: [[u, v], ...]}}"
         return f"InspectFrames(case={case.id!r}), ObserveObjects(case={case.id!r}, corrections=[{seed}]), then {again}"
     look = f"InspectRollout(case={case.id!r}, world={world!r})"
     if verdict == "poor":

@@ -248,13 +248,13 @@ def contact_sheet(pictures: Sequence[Image], columns: int = 3) -> Image:
     return sheet
 
 
-def encoded(pictures: dict[str, Image]) -> dict[str, bytes]:
-    """JPEG files by name ("frame 12" becomes "frame 12.jpg"), together no larger than `ROOM`."""
+def encoded(pictures: dict[str, Image]) -> tuple[dict[str, bytes], float]:
+    """JPEG files by name ("frame 12" becomes "frame 12.jpg"), together no larger than `ROOM`, and their scale."""
     for quality, scale in ((92, 1.0), (80, 1.0), (75, 0.75), (50, 0.75), (70, 0.5), (60, 0.35)):
         files = {f"{name}.jpg": _jpeg(image, quality, scale) for name, image in pictures.items()}
         if sum(map(len, files.values())) <= ROOM:
             break
-    return files
+    return files, scale
 
 
 def _jpeg(image: Image, quality: int, scale: float) -> bytes:

@@ -91,7 +91,7 @@ def latest_image_observation(app: App, case: Case) -> tuple[str, ImageObservatio
 
 
 def chosen_image_observation(app: App, case: Case, identifier: str | None) -> tuple[str, ImageObservation]:
-    """An observation of the case's video with its id, default the latest.
+    """An observation of the case's video with its id, default the latest; of tracks, the one they derive from.
 
     Raises ValueError naming the observations there are, latest first, or what to call where there is none."""
     known = [found for _, found in app.store.cases.observations(case.id, "objects")]
@@ -99,6 +99,8 @@ def chosen_image_observation(app: App, case: Case, identifier: str | None) -> tu
         raise ValueError(
             f"case {case.id!r} has no observation of its video yet. Next: ObserveObjects(case={case.id!r})"
         )
+    if identifier is not None and identifier in (found for _, found in app.store.cases.observations(case.id, "tracks")):
+        identifier = TrackRecord.of(app.store.observations.get(identifier)).source.get("objects", identifier)
     if identifier is not None and identifier not in known:
         raise ValueError(
             f"case {case.id!r} has no observation {identifier!r} of its video; its observations, latest first: {known}"

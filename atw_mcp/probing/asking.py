@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.probing.ensemble_answers import chance_of
+from atw_mcp.probing.ensemble_answers import PREDICTED, chance_of
 from atw_mcp.probing.ensembles import Ensemble
 from atw_mcp.probing.prediction_errors import distance, happening, speeds, travelled_since
 from atw_mcp.probing.questions import AGGREGATIONS, Asked, Stated, WhichFirst, worded
@@ -222,8 +222,9 @@ def in_words(about: dict[str, Any], named: list[str], unseen: set[str], until: f
         text = f"not until {until:.4g} s, in any member"
     if about["unknown"]:
         text += f"; unknown in {about['unknown']} of {about['members'] + about['unknown']} members"
-    if about.get("less_sure_because"):
-        text += f"; no surer because {about['less_sure_because']}"
+    why = about.get("less_sure_because")
+    if why and why != PREDICTED:  # the result as a whole says until when frames were fitted
+        text += f"; no surer because {why.removeprefix(f'{PREDICTED} and ')}"
     split = about.get("decided_by")
     if split:
         text += f"; decided by {split['parameter']}: true {split['true_where']} {split['threshold']:.3g}"

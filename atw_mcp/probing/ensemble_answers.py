@@ -307,6 +307,9 @@ def _place(places: Array) -> dict[str, list[float]]:
     return {key: [spread[key] for spread in spreads] for key in ("median", "from", "to")}
 
 
+PREDICTED = "it is decided after the last fitted frame"
+
+
 def _probability(true: NDArray[np.bool_], chance: Array, ensemble: Ensemble) -> dict[str, Any]:
     """Count members, and the probability that admits errors of prediction and that the fitted world may be wrong.
 
@@ -318,7 +321,7 @@ def _probability(true: NDArray[np.bool_], chance: Array, ensemble: Ensemble) -> 
         expected = Probability(float(chance.sum()), len(chance))
         found |= {"probability": expected.share, "probability_interval": list(expected.interval)}
         if abs(expected.share - found["true"] / len(true)) >= SETTINGS.notable:
-            reasons.append("it is decided after the last fitted frame")
+            reasons.append(PREDICTED)
     if ensemble.wrong:
         sure = 1.0 - ensemble.wrong
         found["probability"] = sure * found["probability"] + 0.5 * ensemble.wrong

@@ -127,6 +127,9 @@ def travelled_since(ensemble: Ensemble, member: int, name: str, times: Array) ->
     each of some times; 0 before it."""
     world, trajectory = ensemble.worlds[member], ensemble.rollouts[member].trajectory
     normal = geometry.plane_axes(world.environment.motion_plane)[2] if world.planar else None
+    turning = next((j for j in world.joints if j.kind == "hinge" and j.object == name and j.other is None), None)
+    if turning is not None:  # it goes around the axis
+        normal = np.asarray(turning.axis) / np.linalg.norm(turning.axis)
     path = travelled_by_axis(trajectory.positions[:, trajectory.index(name)], normal)
     at = np.stack([np.maximum(times, ensemble.fitted_until), np.full(len(times), ensemble.fitted_until)])
     read = np.stack([np.interp(at, trajectory.times, path[:, axis]) for axis in range(3)], axis=-1)

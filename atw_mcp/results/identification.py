@@ -85,7 +85,7 @@ class FittedWorld(Result):
 
     world: str = Field(description="id of the fitted world")
     from_world: str = Field(description="id of the world it started from")
-    verdict: Literal["good", "poor", "failed"]
+    verdict: Literal["good", "doubtful", "poor"]
     why: str = Field(description="empty for a good fit")
     prediction: Prediction | None = Field(description="null where too few frames are there to leave any out")
     warnings: list[str] = Field(description="where the fit is doubtful")

@@ -288,8 +288,11 @@ def _together(
 ) -> Answer:
     whole: dict[str, Any] = {"members": MEMBERS, "until": horizon, "observed_until": observed}
     whole |= {} if weighed is None else {"weights": weighed}
+    summary = f"{len(rows)} answers of {MEMBERS} worlds that the data allow, run to {horizon:.4g} s"
+    if observed < horizon:
+        summary += f"; after {observed:.4g} s, the last fitted frame, they allow for errors of prediction"
     return Answer(
-        summary=f"{len(rows)} answers of {MEMBERS} worlds that the data allow, run to {horizon:.4g} s",
+        summary=summary,
         data={"answers": rows, **whole},
         shown={"answers": [brief(row) for row in rows], **whole},
         case=case.id,

@@ -24,7 +24,7 @@ def commit_world(
     world: Annotated[
         str | None, Field(description="id of the world every probe will start from; default: the latest draft")
     ] = None,
-    even_if_failed: Annotated[bool, Field(description="commit a world whose fit failed all the same")] = False,
+    even_if_poor: Annotated[bool, Field(description="commit a world whose fit is poor all the same")] = False,
 ) -> Answer:
     """Choose the world that probes of this case start from. The case may be modelled further and another world
     committed: each commit is evidence, and an answer names the world it rests on. Next: Ask."""
@@ -32,10 +32,10 @@ def commit_world(
     chosen = app.draft(found, world)
     judged = verdict_of(app, chosen.id)
     verdict = "good" if judged is None else judged["verdict"]
-    if judged is not None and verdict == "failed" and not even_if_failed:
+    if judged is not None and verdict == "poor" and not even_if_poor:
         raise ToolError(
-            f"the fit of {chosen.id} failed ({judged['why']}). Next: {cure(found.id, chosen.id)}; or CommitWorld with "
-            "even_if_failed=true"
+            f"the fit of {chosen.id} is poor ({judged['why']}). Next: {cure(found.id, chosen.id)}; or CommitWorld with "
+            "even_if_poor=true"
         )
     before = found.committed_world
     app.store.cases.commit_world(found.id, chosen.id)

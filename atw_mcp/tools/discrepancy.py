@@ -70,7 +70,7 @@ def find_discrepancy(
     missing. The last quarter of the data (or the runs sealed at import) is not looked at. Next: ProposeEffects where
     they are not explained."""
     found = app.case(case)
-    start = _not_failed(app, found, app.world(found, world))
+    start = _not_poor(app, found, app.world(found, world))
     with explained():
         recording = case_recording(app, found, start)
         unknowns = base_unknowns(app, start, base)
@@ -126,7 +126,7 @@ def propose_effects(
     data are looked at once the verdict stands, and can only lower it. Next: AddEffect with this result's evidence
     id."""
     found = app.case(case)
-    start = _not_failed(app, found, app.world(found, world))
+    start = _not_poor(app, found, app.world(found, world))
     with explained():
         chosen = named(effects) if effects else None
         recording = case_recording(app, found, start)
@@ -208,7 +208,7 @@ def add_effect(
             patience_seconds,
         )
     assert effect is not None
-    parent = _not_failed(app, found, app.draft(found, world))
+    parent = _not_poor(app, found, app.draft(found, world))
     with explained(f"InspectWorld(case={found.id!r}, world={parent.id!r}) lists objects and effects"):
         law = effect.to_effect()
         with_parts(parent, effects=(*parent.effects, law))  # refused here, before any work
@@ -229,12 +229,12 @@ def add_effect(
     )
 
 
-def _not_failed(app: App, case: Case, world: World) -> World:
-    """The world; raises ToolError where its fit failed: what it lacks is then not what its errors show."""
+def _not_poor(app: App, case: Case, world: World) -> World:
+    """The world; raises ToolError where its fit is poor: what it lacks is then not what its errors show."""
     judged = verdict_of(app, world.id)
-    if judged is not None and judged["verdict"] == "failed":
+    if judged is not None and judged["verdict"] == "poor":
         raise ToolError(
-            f"the fit of {world.id} failed ({judged['why']}), so what is missing is indistinguishable from what is "
+            f"the fit of {world.id} is poor ({judged['why']}), so what is missing is indistinguishable from what is "
             f"wrong. Next: {cure(case.id, world.id)}"
         )
     return world

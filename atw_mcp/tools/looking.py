@@ -181,15 +181,18 @@ def _frames_answer(
     if view is not None:
         facts["unexplained_px"] = [row["unexplained_px"] for row in rows]
     shown_frames = ", ".join(map(str, request.frames))
+    files, scale = encoded(drawn)
+    scale *= canvas.scale
+    sized = "" if scale == 1.0 else f", pictures {scale:.3g} times the video's size"
     return Answer(
-        summary=f"frames {shown_frames} of {count} {what}{'; ' * bool(clock)}{FILE_TIME * bool(clock)}",
+        summary=f"frames {shown_frames} of {count} {what}{sized}{'; ' * bool(clock)}{FILE_TIME * bool(clock)}",
         data={"frames": rows, **facts},
         shown=None if observation is None else {**observed_rows(rows), **facts, "every_frame": EVERY_FRAME},
         case=case.id,
         observation=identifier or None,
         objects=tuple(names),
         interval=(rows[0]["time"], rows[-1]["time"]),
-        pictures=encoded(drawn),
+        pictures=files,
     )
 
 
@@ -222,7 +225,9 @@ def inspect_observed_motion(
     else:
         with explained():
             seen = chosen_image_observation(app, found, observation)
-        record = tracks_of_observation(app, found, observation)
+        record = tracks_of_observation(app, found, seen[0])
+    outdated = seen is not None and record is not None and record.source.get("objects", seen[0]) != seen[0]
+    record = None if outdated else record  # places of what was seen before are not those of these pixels
     known = list(dict.fromkeys([*(seen[1].names if seen else ()), *(record.tracks.names if record else ())]))
     if not known:
         raise ToolError(f"nothing was observed in case {found.id!r} yet. Next: ObserveObjects or ImportObservation")
@@ -276,7 +281,8 @@ def inspect_observed_motion(
         at_border = sum(bool(row[5]) for row in rows)
         summary += f", visible in {sum(a > 0 for a in area)}, touches the border in {at_border}"
     if tracks is None:
-        summary += "; no world positions (CalibrateCamera and BuildWorld give them)"
+        before = "; those known are of an earlier observation" if outdated else ""
+        summary += f"; no world positions (CalibrateCamera and BuildWorld give them{before})"
     return Answer(
         summary=summary,
         data=data,
@@ -435,7 +441,7 @@ def _branch_pictures(app: App, found: Case, wanted: _Wanted, difference: BranchD
         objects=tuple(names),
         interval=span.seconds,
         status=evidence_status(branch.result),
-        pictures=encoded(drawn),
+        pictures=encoded(drawn)[0],
     )
 
 
@@ -475,7 +481,7 @@ def _rollout_pictures(app: App, found: Case, wanted: _Wanted, seen: Side, given:
         objects=tuple(names),
         interval=span.seconds,
         status=evidence_status(result),
-        pictures=encoded(drawn),
+        pictures=encoded(drawn)[0],
     )
 
 

@@ -72,10 +72,10 @@ def model_video_tool(
     ] = None,
     gravity: Annotated[Point | None, Field(description="[m/s^2]; default 0, 0, -9.81")] = None,
     motion_plane: Annotated[
-        PlaneArgument | None,
+        PlaneArgument | Literal["none"] | None,
         Field(
-            description="plane of motion, where not the floor or a side view's. Objects of given size that "
-            "fly, bounce or move on obstacles need none"
+            description="plane of motion, where not the floor or a side view's; 'none' drops an earlier one. Objects "
+            "of given size that fly, bounce or move on obstacles need none"
         ),
     ] = None,
     floor: Annotated[
@@ -117,7 +117,8 @@ def model_video_tool(
                  "motion_plane": motion_plane, "floor": floor, "build": build}  # fmt: skip
     facts, kept = _kept(app, found, [name for name, value in own_facts.items() if value is None])
     objects, seconds_per_frame = objects or facts.objects, seconds_per_frame or facts.seconds_per_frame
-    gravity, motion_plane = gravity or facts.gravity, motion_plane or facts.motion_plane
+    gravity, stated = gravity or facts.gravity, motion_plane or facts.motion_plane
+    plane = None if stated == "none" else stated
     floor = facts.floor if floor is None else floor
     build = facts.build if build is None else build
     known_points = None if points is None else [item.model_dump() for item in points]
@@ -134,7 +135,7 @@ def model_video_tool(
     own = {
         "seconds_per_frame": seconds_per_frame,
         "gravity": gravity,
-        "motion_plane": _dumped(motion_plane),
+        "motion_plane": _dumped(plane),
         "floor": floor,
         "first_frame": first_frame,
     }
@@ -155,7 +156,7 @@ def model_video_tool(
             calibrate=calibration or None,
             build={key: value for key, value in building.items() if key not in listed},
             fit=_merged(frames, fit, "fit"),
-            plane=None if motion_plane is None else motion_plane.to_plane(),
+            plane=None if plane is None else plane.to_plane(),
             floor=floor if isinstance(floor, float) else 0.0,
             kept=kept,
         )
@@ -174,7 +175,7 @@ class _Facts(Argument):
     objects: list[KnownObject] | None = None
     seconds_per_frame: float | None = None
     gravity: Point | None = None
-    motion_plane: PlaneArgument | None = None
+    motion_plane: PlaneArgument | Literal["none"] | None = None
     floor: float | Literal["none"] | None = None
     build: dict[str, Any] | None = None
 

@@ -320,7 +320,7 @@ class Following(Part):
     """How well a world follows the data that it was fitted to."""
 
     evidence: str = Field(description="id of the FitWorld or ModelVideo that judged it")
-    verdict: Literal["good", "doubtful", "poor", "failed"]
+    verdict: Literal["good", "doubtful", "poor"]
     rms: float | None = Field(description="root mean square distance on the data fitted [m]")
     rms_held_out: float | None = Field(description="the same on data held out of the fit [m]")
     doubts: list[str] = Field(description="what is wrong or doubtful, worst first")

@@ -8,7 +8,7 @@ from typing import Any
 from atw_mcp.viewer.document import Chance, Following
 from evidence_store import EvidenceStore, RecordDamaged, UnknownRecord
 
-RANK = ("good", "doubtful", "poor", "failed")
+RANK = ("good", "doubtful", "poor")
 UNREADABLE = (RecordDamaged, UnknownRecord, KeyError, TypeError, ValueError)
 
 

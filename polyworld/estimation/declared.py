@@ -27,6 +27,7 @@ ABSENT = 3.0  # deviations below a bound to which the coordinate of what may be 
 RESISTANCE, AIR_DRAG = "resistance", "resistance_by_area"  # names of effects that a fit adds
 QUADRATIC = {"quadratic_damping", "quadratic_drag", "air_drag"}
 ALIKE = 2.0  # ratio of areas over mass up to which all bodies are damped alike
+PIN = 0.1  # radius of a hinge over the distance of what it holds: few are thicker
 AIR = 1.2  # [kg/m^3] density in which coefficients of drag are counted
 PLANE = "environment.motion_plane.friction"
 SKIDS = 0.5  # lever arm of rolling resistance, in radii, above friction's: no ball rolls up against it
@@ -83,7 +84,11 @@ def constants(
     for world in worlds:
         paths |= dict.fromkeys(_other_paths(world, materials), world)
     taken = {path for u in found for path in u.paths}
-    found += [flat(world, (path,)) for path, world in paths.items() if path not in taken]
+    found += [
+        joint_resistance(world, path, settings) if path.startswith("joints.") else flat(world, (path,))
+        for path, world in paths.items()
+        if path not in taken
+    ]
     if time_base:
         value = worlds[0].time.seconds_per_frame
         spec = specification(worlds[0], "time.seconds_per_frame")
@@ -119,7 +124,7 @@ def _other_paths(world: World, materials: Sequence[str] | None) -> list[str]:
 def flat(world: World, paths: tuple[str, ...], name: str | None = None) -> Unknown:
     """Return an unknown over its usual range, in logarithms where that spans more than a decade above zero."""
     spec, value = specification(world, paths[0]), read_parameter(world, paths[0])
-    lower, upper = _range(world, paths[0], spec, value)
+    lower, upper = _range(spec, value)
     name = name or paths[0].removeprefix("objects.").removeprefix("effects.")
     if lower > 0.0 and upper / lower > 10.0:
         start = float(np.sqrt(lower * upper)) if value is None or value <= 0.0 else value
@@ -129,20 +134,28 @@ def flat(world: World, paths: tuple[str, ...], name: str | None = None) -> Unkno
     return Unknown(name, paths, spec.unit, start, lower, upper, sd)
 
 
-def _range(world: World, path: str, spec: ParameterSpec, value: float | None) -> tuple[float, float]:
+def _range(spec: ParameterSpec, value: float | None) -> tuple[float, float]:
     lower, upper = spec.search
-    if path.startswith("joints."):  # what stops a body within a second
-        joint = next(j for j in world.joints if j.name == path.split(".")[1])
-        item = world.object(joint.object)
-        mass = read_parameter(world, f"objects.{item.name}.mass") or 1.0
-        arm = float(np.linalg.norm(np.subtract(joint.anchor, item.position))) if joint.kind == "hinge" else 1.0
-        weight = mass * float(np.linalg.norm(world.environment.gravity))
-        lower, upper = 0.0, 0.3 * (weight * arm if path.endswith("friction") else 10.0 * mass * arm**2)
-        upper = max(upper, 1e-9)
     if value is not None and value > 0.0 and not lower <= value <= upper:
         factor = DECADES if lower > 0.0 and upper / lower > 10.0 else 2.0
         lower, upper = min(lower, value / factor), max(upper, value * factor)
     return max(spec.lower, lower), min(spec.upper, upper)
+
+
+def joint_resistance(world: World, path: str, settings: PriorSettings) -> Unknown:
+    """Return the friction or damping of a hinge or slider, which may be 0: half-normal.
+
+    Friction counts as a share of the weight held (at a hinge at the rim of its pin), damping as a rate of decay.
+    """
+    _, name, field = path.split(".")
+    joint = next(j for j in world.joints if j.name == name)
+    item = world.object(joint.object)
+    mass = read_parameter(world, f"objects.{item.name}.mass") or 1.0
+    arm = float(np.linalg.norm(np.subtract(joint.anchor, item.position))) if joint.kind == "hinge" else 1.0
+    weight = mass * float(np.linalg.norm(world.environment.gravity))
+    rim = PIN * arm if joint.kind == "hinge" else 1.0
+    sd = settings.joint_friction * weight * rim if field == "friction" else settings.joint_damping * mass * arm**2
+    return _absent(path, (path,), specification(world, path).unit, max(sd, 1e-9))
 
 
 class _Rows:

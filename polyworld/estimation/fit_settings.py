@@ -36,6 +36,8 @@ class PriorSettings:
     linear_damping: float = 0.15  # [1/s] half-normal
     quadratic_damping: float = 0.1  # [1/m] half-normal: a ball of 4 cm in air has 0.15
     angular_damping: float = 0.15  # [1/s] half-normal
+    joint_friction: float = 0.1  # of the weight held, half-normal: bearings and tracks are made to slide
+    joint_damping: float = 0.15  # [1/s] half-normal
     ln_mass: float = 0.6  # wood against plastic against a hollow body; of masses that were not given
     ln_rolling: Gaussian = (-4.6, 1.0)  # 0.01 of the radius: steel on steel has 0.002, a soft ball on carpet 0.07
     surface_speed: float = 0.5  # [m/s] at the surface by a spin that was not observed, as a hand gives

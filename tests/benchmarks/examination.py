@@ -227,7 +227,7 @@ class Agent:
     async def answer(self) -> list[dict[str, Any]]:
         """Commit the world last fitted, and ask everything."""
         task = self.task
-        await self.call("CommitWorld", case=task.name, even_if_failed=True)
+        await self.call("CommitWorld", case=task.name, even_if_poor=True)
         built = task.known.get("build", {})
         described = [part["name"] for key in ("obstacles", "parts") for part in built.get(key, [])]
         there = {*self.made["objects"], *described}

@@ -21,10 +21,11 @@ def test_contact_sheet_lays_pictures_row_by_row() -> None:
 
 def test_pictures_of_one_result_fit_into_a_message_together() -> None:
     noise = np.random.default_rng(0).integers(0, 255, (480, 720, 3)).astype(np.uint8)
-    files = encoded({f"frame {k}": noise for k in range(6)})
+    files, scale = encoded({f"frame {k}": noise for k in range(6)})
     assert sum(map(len, files.values())) <= ROOM
     decoded = cv2.imdecode(np.frombuffer(files["frame 3.jpg"], np.uint8), cv2.IMREAD_COLOR)
     assert decoded is not None
+    assert decoded.shape[1] == round(scale * noise.shape[1])
     assert decoded.shape[1] / decoded.shape[0] == pytest.approx(1.5, rel=0.05)
 
 

@@ -98,6 +98,28 @@ def test_observed_motion_is_in_metres_where_the_camera_is_calibrated(app: App, t
         assert np.hypot(row[at["x"]] - true[row[0], 0], row[at["y"]] - true[row[0], 1]) < 0.01
 
 
+def test_metres_of_an_earlier_observation_are_not_shown_beside_new_pixels(app: App) -> None:
+    base = app.store.cases.observations(CASE, "objects")[0][1]
+    tracks = looking.inspect_observed_motion(app, CASE, "red_cylinder").observation
+    rename = observation.CorrectionArgument(kind="rename", object="blue_cube", name="box")
+    try:
+        done(observation.observe_objects(app, CASE, corrections=[rename], observation=tracks))  # those tracks are of it
+        found = looking.inspect_observed_motion(app, CASE, "red_cylinder")
+        assert found.observation not in (base, tracks)
+        assert "u" in found.data["columns"]
+        assert "x" not in found.data["columns"]
+        assert "of an earlier observation" in found.summary
+    finally:
+        done(observation.observe_objects(app, CASE, observation=base))
+    assert "x" in looking.inspect_observed_motion(app, CASE, "red_cylinder").data["columns"]
+
+
+def test_scale_of_pictures_is_said_where_it_is_not_one(app: App) -> None:
+    found = looking.inspect_frames(app, CASE, frames=[3], zoom=2.0, crop=[0, 0, 100, 80])
+    assert "pictures 2 times the video's size" in found.summary
+    assert picture(found.pictures["frame 000003.jpg"]).shape[:2] == (160, 200)
+
+
 def test_world_is_drawn_over_the_frames_with_its_error(app: App) -> None:
     answer = looking.inspect_rollout(app, CASE, frames=[0, 70])
     first, last = ({item["name"]: item for item in row["objects"]} for row in answer.data["frames"])

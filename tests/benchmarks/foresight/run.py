@@ -121,7 +121,7 @@ async def _modelled(call: Caller, clip: Clip, source: Source, folder: Path, seed
 async def _probe(call: Caller, clip: Clip, found: ClipRun, modelled: dict[str, Any], edits: bool) -> None:
     case, world = modelled["case"], modelled["data"]["world"]
     found.verdict = str(modelled["data"]["verdict"])
-    await call("CommitWorld", case=case, world=world, even_if_failed=True)  # what it says is scored all the same
+    await call("CommitWorld", case=case, world=world, even_if_poor=True)  # what it says is scored all the same
     looked = (await call("InspectWorld", case=case, fields=["initial_state"]))["data"]
     names = {item["name"] for item in (*looked["objects"], *looked["statics"])}
     hidden = clip.hidden

@@ -196,6 +196,26 @@ def test_a_pendulum_has_the_damping_of_its_hinge() -> None:
     assert accuracy.position == pytest.approx(0.002 * np.sqrt(3.0), rel=0.25)
 
 
+def test_a_pendulum_seen_for_a_quarter_of_its_period_is_predicted() -> None:
+    """What resists at the pivot does not show in so short a time, and must not bend the state that is carried on."""
+    arm, times = 0.75, frames(40)
+
+    def rates(_: float, state: Array) -> list[float]:
+        return [state[1], -GRAVITY * arm * np.sin(state[0]) / (arm**2 + 0.4 * RADIUS**2)]
+
+    angle = solve_ivp(rates, (0.0, times[-1]), [-0.6, 0.3], t_eval=times, rtol=1e-9).y[0]
+    path = {"ball": np.stack([arm * np.sin(angle), 0.0 * angle, 1.0 - arm * np.cos(angle)], axis=1)}
+    tracks = tracks_of(path, sigma=0.001)
+    pivot = Hinge(name="pivot", object="ball", anchor=(0.0, 0.0, 1.0), axis=(0.0, 1.0, 0.0))
+    world = scene([ball(mass=4.0)], tracks, statics=(), joints=(pivot,))
+    found = fit(of_one(world, tracks), FitOptions(holdout=12))
+    later = found.runs[0].held_out
+    assert later is not None
+    assert later.position < 0.01  # of 0.45 m that it travels there
+    for name in ("friction", "damping"):
+        assert found.constant(f"joints.pivot.{name}").interval[0] == 0.0
+
+
 @pytest.mark.parametrize(("viscous", "dry"), [(0.7, 0.0), (0.0, 0.6)])
 def test_a_cart_is_slowed_by_a_viscous_or_a_dry_track(viscous: float, dry: float) -> None:
     times = frames(30)

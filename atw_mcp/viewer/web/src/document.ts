@@ -269,7 +269,7 @@ export interface FittedParameter {
 export interface Following {
   /** id of the FitWorld or ModelVideo that judged it */
   evidence: string;
-  verdict: "good" | "doubtful" | "poor" | "failed";
+  verdict: "good" | "doubtful" | "poor";
   /** root mean square distance on the data fitted [m] */
   rms: number | null;
   /** the same on data held out of the fit [m] */

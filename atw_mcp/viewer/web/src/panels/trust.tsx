@@ -9,7 +9,6 @@ const WORDS: Record<Following["verdict"], { text: string; chip: string }> = {
   good: { text: "follows the data", chip: "good" },
   doubtful: { text: "follows the data, with doubts", chip: "warn" },
   poor: { text: "follows the data poorly", chip: "bad" },
-  failed: { text: "does not follow the data", chip: "bad" },
 };
 const FEW = 2; // doubts that are shown at once
 
