@@ -299,7 +299,8 @@ def _better(
     progress: Progress,
 ) -> Step:
     """Build and fit the world in its other, simpler representation; keep that unless it follows the video worse by more
-    than a standard error."""
+    than a standard error, or if bodies roll in it, only where it follows better by as much: in a plane they lose their
+    spin's part in collisions."""
     other = VideoModel()
     built = steps.call("BuildWorld", case=case.id, **building)
     names = list(fitted.evidence.objects)
@@ -311,7 +312,8 @@ def _better(
     _compare(app, case, again, other, progress)
     share = 1.0 / np.sqrt(2.0 * max(sum(error.frames for error in model.errors), 1))  # of a root mean square
     ways = [(fitted, model), (again, other)]
-    if _misfit(other) <= (1.0 + share) * _misfit(model):
+    margin = 1.0 / (1.0 + share) if again.data["rolling"] == "rolls" else 1.0 + share
+    if _misfit(other) <= margin * _misfit(model):
         ways.reverse()
     (kept, best), (left, least) = ways
     if least.diverged is None:
