@@ -17,7 +17,6 @@ from polyworld.world.geometry import plane_axes
 
 Floats = NDArray[np.float64]
 FLOOR = MotionPlane()
-SLOPING = 8  # steps to a place on a slope; each leaves the slope over that of the ray, under a third
 CIRCLE = np.stack([np.cos(np.arange(64) * np.pi / 32), np.sin(np.arange(64) * np.pi / 32)], axis=1)
 
 
@@ -98,10 +97,13 @@ class Solid:
         size = float(np.mean(self.half))
         return np.array([size, size, 1.0, size])
 
+    def _above(self, pose: Floats) -> float:
+        """Height [m] of the centre above the plane."""
+        return float((self.half[0 if self.lies else 2] if self.plane.supports else 0.0) + pose[3])
+
     def middle(self, pose: Floats) -> Floats:
         """Centre (3,) in the world [m]."""
-        above = (self.half[0 if self.lies else 2] if self.plane.supports else 0.0) + pose[3]
-        found = np.asarray(self.plane.point) + np.array([pose[0], pose[1], above]) @ plane_axes(self.plane)
+        found = np.asarray(self.plane.point) + np.array([*pose[:2], self._above(pose)]) @ plane_axes(self.plane)
         level = found[2]
         for face in self.faces:  # the highest that is below it bears it
             lift = self.half[0] + pose[3]
@@ -170,14 +172,16 @@ class Solid:
         return float(self.camera.to_camera(self.middle(pose))[2])
 
     def placed(self, pixel: Floats, like: Floats) -> Floats:
-        """Pose whose centre is seen at a pixel (2,), angle and height those of `like`."""
-        axes = plane_axes(self.plane)
-        pose, level = like, self.middle(like)
-        for _ in range(SLOPING if self.faces else 1):  # the height follows from the place, and the place from it
-            place = self.camera.onto_plane(pixel, level, axes[2]) - np.asarray(self.plane.point)
-            pose = np.array([place @ axes[0], place @ axes[1], like[2], like[3]])
-            level = self.middle(pose)
-        return pose
+        """Pose whose centre is seen at a pixel (2,), angle and height those of `like`: on the surface met first."""
+        axes, lift = plane_axes(self.plane), self.half[0] + like[3]
+        places = [self.camera.onto_plane(pixel, np.asarray(self.plane.point) + self._above(like) * axes[2], axes[2])]
+        for face in self.faces:
+            there = self.camera.onto_plane(pixel, face.point + lift * face.normal, face.normal)
+            if within(there - lift * face.normal, face, 0.0):
+                places.append(there)
+        nearest = min(places, key=lambda p: float(np.nan_to_num(self.camera.to_camera(p)[2], nan=np.inf)))
+        place = nearest - np.asarray(self.plane.point)
+        return np.array([place @ axes[0], place @ axes[1], like[2], like[3]])
 
     def local(self, pose: Floats, points: Floats) -> Floats:
         """Places (..., 2) on the body, its silhouette about within -1..1: light and view do not rotate with it."""
