@@ -64,9 +64,9 @@ class Scene:
         dark = apart[:, 0]
         shade = self._shade(frame, points, own)
         chroma = spread[:, 1:] + s.shade_chroma * np.abs(dark)[:, None]
-        log_chroma = _gauss(apart[:, 1], chroma[:, 0]) + _gauss(apart[:, 2], chroma[:, 1])
+        log_chroma = gauss(apart[:, 1], chroma[:, 0]) + gauss(apart[:, 2], chroma[:, 1])
         width = np.sqrt(spread[:, 0] ** 2 + (s.shade_slack * shade[:, 0]) ** 2 + shade[:, 1] ** 2 + 0.02**2)
-        predicted = _gauss(dark - shade[:, 0], width) + np.log(1 - s.free_shade)
+        predicted = gauss(dark - shade[:, 0], width) + np.log(1 - s.free_shade)
         possible = (dark < s.brightest_light) & (dark > -s.deepest_shade)
         free = np.where(possible, np.log(s.free_shade / (s.brightest_light + s.deepest_shade)), np.log(s.unknown))
         return np.asarray(np.logaddexp(log_chroma + np.logaddexp(predicted, free), np.log(s.unknown)), dtype=np.float32)
@@ -282,7 +282,8 @@ def background_scene(frames: Bytes, covered: Callable[[int], Mask], settings: Ey
     return Scene(film, [], settings, learn_background(film, np.stack([covered(int(k)) for k in film.chosen()])))
 
 
-def _gauss(apart: Array, spread: Array) -> Array:
+def gauss(apart: Array, spread: Array) -> Array:
+    """Log density of a normal distribution at a distance from its mean, of a standard deviation."""
     return np.asarray(-0.5 * (apart / spread) ** 2 - np.log(spread) - np.float32(0.919))
 
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception.eye.assignment import reassign
-from atw_mcp.perception.eye.bodies import Body, Solid
+from atw_mcp.perception.eye.bodies import Body
 from atw_mcp.perception.eye.colours import Colours, learn_colours
 from atw_mcp.perception.eye.follow import States, follow, refit, seeded
-from atw_mcp.perception.eye.likelihood import Scene
+from atw_mcp.perception.eye.likelihood import Scene, gauss
 from atw_mcp.perception.eye.outlines import learn_shapes, order_outlines
 from atw_mcp.perception.eye.pixels import Array, Film, Floats, evenly_lit, features, filled, learn_background
 from atw_mcp.perception.eye.seeds import GREYS, Seed, hidden_places, seed_pose, word_map, word_places
@@ -117,7 +117,8 @@ def _held(scene: Scene, seeds: Sequence[Seed]) -> list[dict[int, Floats]]:
 def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
     """Pixels (S, H, W) that look in a frame as they do where a seed shows a body: the body may still stand there.
 
-    Where most of its pixels do it stands there, and its blurred rim too, else the rim is taken for background.
+    A pixel does whose look is likelier with that look's noise than as anything. Where most of a body's pixels do it
+    stands there, and its blurred rim too, else the rim is taken for background.
     """
     film, chosen = scene.film, scene.film.chosen()
     covered = scene.covered(2.0)
@@ -130,13 +131,8 @@ def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
             mask = _mask(scene, i, pose, corner, size)
             parts = film.frames[[k, *chosen], rows, columns].astype(np.float32)
             own_look, *looks = (features(cv2.blur(part, (3, 3)), scene.settings) for part in parts)
-            look = np.stack(looks)
-            least, noise = scene.settings.least_spread, scene.background.noise
-            if isinstance(scene.bodies[i], Solid):  # whose silhouette holds no background
-                spread = np.maximum(least, 6 * noise).astype(np.float32)
-            else:
-                spread = (3 * np.maximum(least, np.sqrt(2) * noise)).astype(np.float32)
-            alike = (np.abs(look - own_look) < spread).all(axis=-1)
+            spread = np.maximum(scene.settings.least_spread, np.sqrt(2) * scene.background.noise).astype(np.float32)
+            alike = gauss(np.stack(looks) - own_look, spread).sum(axis=-1) > np.log(scene.settings.unknown)
             standing = alike[:, filled(scene.bodies[i].polygon(pose), corner, size)].mean(axis=1) > 0.5
             covered[:, rows, columns] |= (alike | standing[:, None, None]) & mask
     return covered
