@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 from scipy.spatial import ConvexHull
 
 from atw_mcp.perception.eye import Solid
-from atw_mcp.perception.eye.bodies import FLOOR
+from atw_mcp.perception.eye.bodies import FAR, FLOOR
 from atw_mcp.perception.flight.surfaces import Surface, surfaces_of
 from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
@@ -22,7 +22,6 @@ from polyworld.world.shapes import Box, Cylinder, Sphere
 Floats = NDArray[np.float64]
 Sized = Sphere | Box | Cylinder
 Corners = tuple[tuple[float, float, float], ...]
-FAR = 1e6  # [m]
 OFF_PLANE = "is larger or smaller than on its plane of motion"  # of a body, as notes say it
 LEVEL = 1.0 - 1e-6  # least upward part of the normal of a level plane
 STEEPEST = 0.3  # least upward part of the normal of a face that bears what rolls, as of flights

@@ -17,6 +17,7 @@ from polyworld.world.geometry import plane_axes
 
 Floats = NDArray[np.float64]
 FLOOR = MotionPlane()
+FAR = 1e6  # [m] depth of nothing that hides
 CIRCLE = np.stack([np.cos(np.arange(64) * np.pi / 32), np.sin(np.arange(64) * np.pi / 32)], axis=1)
 
 
@@ -147,7 +148,7 @@ class Solid:
         used = np.arange(len(points)) if self.kind == "sphere" else _hull(points)
         small = 1e-4
         moved = [(self.camera.project(self._surface(pose + small * e)) - points)[used] / small for e in np.eye(4)]
-        found = _sampled(points[used], np.stack(moved), most)
+        found = sampled_contour(points[used], np.stack(moved), most)
         if self.kind == "sphere" or self.upright or self.lies:
             return found
         # A rim rounded by r lies r (|w_xy| + w_z - 1) farther in than a sharp one, w the normal of the tangent plane
@@ -241,7 +242,7 @@ class Outline:
         arm = points - pose[:2]
         one = np.ones(len(points))
         moved = [np.c_[one, 0 * one], np.c_[0 * one, one], np.c_[-arm[:, 1], arm[:, 0]], arm]
-        return _sampled(points, np.stack(moved), most)
+        return sampled_contour(points, np.stack(moved), most)
 
     def centre(self, pose: Floats) -> Floats:
         """Centroid (2,) [px]."""
@@ -295,7 +296,7 @@ def _centroid(polygon: Floats) -> Floats:
     return np.asarray(moments / (3 * total))
 
 
-def _sampled(polygon: Floats, moved: Floats, most: int) -> Contour:
+def sampled_contour(polygon: Floats, moved: Floats, most: int) -> Contour:
     """Points at equal distances along a polygon (V, 2) whose vertices move at rates (P, V, 2)."""
     after = np.append(np.arange(1, len(polygon)), 0)
     edge = polygon[after] - polygon

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -12,12 +11,12 @@ from numpy.typing import NDArray
 
 from atw_mcp.perception.eye.assignment import reassign
 from atw_mcp.perception.eye.bodies import Body
-from atw_mcp.perception.eye.colours import Colours, learn_colours
-from atw_mcp.perception.eye.follow import States, follow, refit, seeded
+from atw_mcp.perception.eye.colours import learn_colours
+from atw_mcp.perception.eye.follow import States, follow, refit
 from atw_mcp.perception.eye.likelihood import Scene, gauss
 from atw_mcp.perception.eye.outlines import learn_shapes, order_outlines
 from atw_mcp.perception.eye.pixels import Array, Film, Floats, evenly_lit, features, filled, learn_background
-from atw_mcp.perception.eye.seeds import GREYS, Seed, hidden_places, seed_pose, word_map, word_places
+from atw_mcp.perception.eye.seeds import Seed, seed_pose
 from atw_mcp.perception.eye.settings import EyeSettings
 from atw_mcp.perception.eye.silhouette import centre_error
 
@@ -56,15 +55,13 @@ def observe(
     """
     settings = settings or EyeSettings()
     film = Film(evenly_lit(frames), settings)
-    scene = Scene(film, list(bodies), settings, learn_background(film, _none(film)), hiding)
+    scene = Scene(film, list(bodies), settings, learn_background(film, film.nothing()), hiding)
     scene.tick = tick or scene.tick
     held = _held(scene, seeds)
     for i, own in enumerate(held):
         for k, pose in own.items():
             scene.poses[i, k] = pose
-    groups = _groups(scene, seeds, held)
-    scene.background = learn_background(film, _at_words(scene, groups, _at_seeds(scene, held)))
-    _place_words(scene, groups, held)
+    scene.background = learn_background(film, _at_seeds(scene, held))
     for i, own in enumerate(held):
         if own and scene.colours[i] is None:
             scene.learn_body(i, sorted(own), rough=True)
@@ -94,23 +91,17 @@ def _settled(scene: Scene, before: Floats) -> bool:
     return True
 
 
-def _none(film: Film) -> NDArray[np.bool_]:
-    return np.zeros((len(film.chosen()), film.height, film.width), bool)
-
-
 def _held(scene: Scene, seeds: Sequence[Seed]) -> list[dict[int, Floats]]:
-    """Poses (4,) of each body at the frames of its seeds, but for words."""
+    """Poses (4,) of each body at the frames of its seeds."""
     names = [b.name for b in scene.bodies]
     held: list[dict[int, Floats]] = [{} for _ in names]
     for seed in seeds:
         if seed.body not in names:
             raise ValueError(f"a seed names {seed.body!r}, but the bodies are {', '.join(names)}")
         i = names.index(seed.body)
-        pose = seed_pose(scene.bodies[i], seed)
-        if pose is not None:
-            if seed.frame is None or not 0 <= seed.frame < scene.film.count:
-                raise ValueError(f"the seed of {seed.body} needs a frame of 0..{scene.film.count - 1}")
-            held[i][seed.frame] = pose
+        if not 0 <= seed.frame < scene.film.count:
+            raise ValueError(f"the seed of {seed.body} needs a frame of 0..{scene.film.count - 1}")
+        held[i][seed.frame] = seed_pose(scene.bodies[i], seed)
     return held
 
 
@@ -170,75 +161,6 @@ def _alike(scene: Scene) -> NDArray[np.bool_]:
 def _mask(scene: Scene, body: int, pose: Floats, corner: tuple[int, int], size: tuple[int, int]) -> NDArray[np.bool_]:
     polygon, middle = scene.bodies[body].polygon(pose), scene.bodies[body].centre(pose)
     return filled(middle + (polygon - middle) * (1 + 2.0 / max(scene.bodies[body].radius(pose), 1.0)), corner, size)
-
-
-@dataclass(frozen=True)
-class _Group:
-    """Bodies given by one colour, and for each frame the places (evidence, pose) that show it."""
-
-    bodies: list[int]
-    places: list[list[tuple[float, Floats]]]
-
-
-def _groups(scene: Scene, seeds: Sequence[Seed], held: list[dict[int, Floats]]) -> list[_Group]:
-    """Bodies that a colour alone is given of, by colour; grey ones last, since shadows are grey."""
-    names = [b.name for b in scene.bodies]
-    words: dict[str, list[int]] = {}
-    for seed in seeds:
-        i = names.index(seed.body)
-        if seed.kind == "words" and not held[i]:
-            words.setdefault(str(seed.value), []).append(i)
-    brightness, found = scene.background.feature[..., 0], []
-    for word, bodies in sorted(words.items(), key=lambda g: g[0] in GREYS):
-        shape = scene.bodies[bodies[0]]
-        hidden = None if scene.hiding is None else hidden_places(shape, scene.hiding)
-        maps = (word_map(frame, word, brightness) for frame in scene.film.frames)
-        found.append(_Group(bodies, [word_places(m, shape, len(bodies) + (word in GREYS), hidden) for m in maps]))
-    return found
-
-
-def _at_words(scene: Scene, groups: list[_Group], covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Pixels (S, H, W) around the places that show a body's colour, besides those covered."""
-    for group in groups:
-        shape = scene.bodies[group.bodies[0]]
-        for row, k in enumerate(scene.film.chosen()):
-            for _, pose in group.places[k]:
-                centre, reach = shape.centre(pose), 1.6 * shape.radius(pose)
-                low, high = np.maximum(centre - reach, 0).astype(int), np.maximum(centre + reach + 1, 0).astype(int)
-                covered[row, low[1] : high[1], low[0] : high[0]] = True
-    return covered
-
-
-def _place_words(scene: Scene, groups: list[_Group], held: list[dict[int, Floats]]) -> None:
-    """Place bodies of one colour together in the frame that shows most of it, each where its shape fits best."""
-    for group in groups:
-        count = len(group.bodies)
-        best = max(range(scene.film.count), key=lambda k: sum(f[0] for f in group.places[k][:count]))
-        poses = [pose for _, pose in group.places[best][:count]]
-        choices = []
-        for order in itertools.permutations(range(len(poses)), min(count, len(poses))):
-            choices.append(_tried(scene, group.bodies[: len(order)], [poses[m] for m in order], best))
-        if choices:
-            for i, pose, colours in max(choices, key=lambda c: c[0])[1]:
-                held[i][best], scene.colours[i] = pose, colours
-
-
-def _tried(
-    scene: Scene, bodies: list[int], poses: list[Floats], frame: int
-) -> tuple[float, list[tuple[int, Floats, Colours | None]]]:
-    total, found = 0.0, []
-    for i, pose in zip(bodies, poses, strict=True):
-        for _ in range(3):
-            scene.poses[i, frame] = pose
-            scene.learn_body(i, [frame], rough=True)
-            state = seeded(scene, i, frame, pose)
-            pose = state.fit.pose
-        area = abs(cv2.contourArea(scene.bodies[i].polygon(pose).astype(np.float32)))
-        total += state.inside * state.visible * area
-        found.append((i, pose, scene.colours[i]))
-    for i in bodies:
-        scene.poses[i, frame], scene.colours[i] = np.nan, None
-    return total, found
 
 
 def _learn(scene: Scene, held: list[dict[int, Floats]]) -> None:

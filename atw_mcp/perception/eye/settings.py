@@ -108,6 +108,9 @@ class EyeSettings:
     at_rest: float = 0.3  # odds that what has a body's colour but is not seen to move is one
     misfit: float = 0.1  # of a silhouette's area, by which it differs from an outline: shade, rounded edges
     free_depth: float = 0.7  # [log distance] of a body anywhere in view
+    sought: int = 8  # places of a silhouette in a frame: other bodies take some
+    contrast: float = 0.4  # [feature] mean step across an edge of a body, of an exponential distribution
+    edge_odds: float = 1.5  # [nats] of an edge of a silhouette at the most: none decides alone
     overlap: float = 0.6  # of outline and silhouette on the plane, over both: less is another shape
 
     # assignment
