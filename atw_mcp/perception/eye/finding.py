@@ -29,11 +29,13 @@ Pointed = tuple[int, tuple[float, float]]  # frame and pixel
 class Found:
     """A solid's outline at the frame that shows it best. on_plane: its silhouette on its plane of motion is that.
 
-    others (N, 2) [px]: places in that frame where it may as well be.
+    outlines: by frame, of the region that shows it longest. others (N, 2) [px]: places in the seed's frame where it may
+    as well be.
     """
 
     seed: Seed
     on_plane: bool
+    outlines: Mapping[int, Floats]
     others: Floats
 
 
@@ -76,8 +78,10 @@ def find_solids(
     )
     judged = _judged(frames, bodies, words, pointed, candidates, settings)
     found = _assigned(bodies, candidates, judged, settings)
-    if any(b.name not in pointed and not (b.name in found and found[b.name].on_plane) for b in bodies):
-        sought = _sought(frames, bodies, words, sorted(named), hiding, settings, tick)
+    missing = [b for b in bodies if b.name not in pointed and not (b.name in found and found[b.name].on_plane)]
+    if missing:
+        taken = [one.outlines for one in found.values() if one.on_plane]
+        sought = _sought(frames, missing, words, taken, sorted(named), hiding, settings, tick)
         own = _judged(frames, bodies, words, pointed, sought, settings)
         judged = [np.concatenate(pair, axis=1) for pair in zip(judged, own, strict=True)]
         found = _exchanged(
@@ -106,7 +110,7 @@ def _judged(
                 continue
             look = {k: own[words[body.name]] if body.name in words else 0.0 for k, own in looks.items()}
             usual = float(np.median(list(look.values())))
-            if usual > settings.misnamed:
+            if usual > -settings.unlikely:
                 fits = {k: _log_fit(body, candidate.outlines[k], settings) for k in look}
                 gains[i, j] = usual + max(fits.values()) + candidate.prior
                 clearest[i, j], frame[i, j] = max((look[k] + fits[k], k) for k in look)
@@ -132,14 +136,18 @@ def _assigned(
         if g < len(groups) and price[i, g] < settings.unlikely:
             regions = [j for j in groups[g] if candidates[j].sought is None and np.isfinite(gains[i, j])]
             likely = [candidates[j] for j in regions if gains[i, j] > gains[i, regions].max() - settings.likely]
-            on_plane = _on_plane(bodies[i], max(likely, key=lambda c: len(c.outlines)), settings) if likely else None
-            _, j = max((clearest[i, j], j) for j in (regions if on_plane is False else groups[g]))
+            longest = max(likely, key=lambda c: len(c.outlines), default=None)
+            on_plane = None if longest is None else _on_plane(bodies[i], longest, settings)
+            allowed = regions if on_plane is False else groups[g]
+            near = [j for j in allowed if gains[i, j] > gains[i, allowed].max() - settings.likely]
+            _, j = max((clearest[i, j], j) for j in near)
             seed = Seed(bodies[i].name, "outline", int(frames[i, j]), candidates[j].outlines[int(frames[i, j])])
             rivals = [candidates[m] for h in {*range(len(groups))} - {*columns} for m in groups[h]
                       if candidates[j].sought and gains[i, m] > gains[i, j] - settings.likely]  # fmt: skip
             others = [c.outlines[c.best].mean(axis=0) for c in rivals if c.sought and c.best == seed.frame]
             sure = candidates[j].sought is not None if on_plane is None else on_plane
-            found[seed.body] = Found(seed, sure, np.array(others).reshape(-1, 2))
+            outlines = (longest or candidates[j]).outlines
+            found[seed.body] = Found(seed, sure, outlines, np.array(others).reshape(-1, 2))
     return found
 
 
@@ -186,12 +194,16 @@ def _sought(
     frames: Bytes,
     bodies: Sequence[Solid],
     words: Mapping[str, str],
+    taken: Sequence[Mapping[int, Floats]],
     numbers: Sequence[int],
     hiding: Array | None,
     settings: EyeSettings,
     tick: Callable[[], None],
 ) -> list[_Candidate]:
-    """Places of bodies on their planes by their silhouettes, in that of some frames which shows all most clearly."""
+    """Places of bodies on their planes by their silhouettes, in that of some frames which shows all most clearly.
+
+    taken: outlines of other bodies by frame; one alone is of a body at rest.
+    """
     small, factor = reduced(frames[numbers], settings.discovery_pixels)
     layouts = [Silhouettes(b, factor, settings, hiding) for b in bodies]
     choices = []
@@ -202,6 +214,9 @@ def _sought(
             odds = [0.0]
             for pose, odd in layout.best(frame, settings.sought):
                 outline = body.polygon(pose)
+                there = (own.get(k, next(iter(own.values())) if len(own) == 1 else None) for own in taken)
+                if any(o is not None and _holds(o, outline.mean(axis=0), 0.0) for o in there):
+                    continue
                 found.append(_Candidate({k: outline}, k, float(np.log(settings.at_rest) + odd), sought=body.name))
                 word = words.get(body.name)
                 odds.append(odd + (_looks(frames[k], outline, {word})[word] if word else 0.0))
@@ -306,7 +321,9 @@ def _on_plane(body: Solid, candidate: _Candidate, settings: EyeSettings) -> bool
     area = max(cv2.contourArea(candidate.outlines[candidate.best].astype(np.float32)), 1.0)
     edge = 0.5 / float(np.sqrt(area / np.pi))  # a quarter of a pixel along all of it
     alike = abs(middle) < settings.plane_size + 2 * edge and high - low < 0.5 * settings.plane_size + 2 * edge
-    return bool(alike and np.median(overlaps[clear]) > settings.overlap)
+    if alike and np.median(overlaps[clear]) > settings.overlap:
+        return True
+    return None if np.isfinite(ratios).all() and np.median(shapes) < 1 - 1.5 * settings.misfit else False
 
 
 def _cut(outline: Floats, width: int, height: int) -> bool:
@@ -349,14 +366,19 @@ def _overlap(body: Solid, outline: Floats) -> tuple[float, float, float]:
 
 def _shows(candidate: _Candidate, frame: int, pixel: tuple[float, float]) -> bool:
     outline = candidate.outlines.get(frame)
-    return outline is not None and cv2.pointPolygonTest(outline.astype(np.float32)[:, None], pixel, True) > -2.0
+    return outline is not None and _holds(outline, np.array(pixel), 2.0)
+
+
+def _holds(outline: Floats, point: Floats, margin: float) -> bool:
+    """Whether a point (2,) lies in an outline or within a margin [px] of it."""
+    u, v = (float(x) for x in point)
+    return cv2.pointPolygonTest(outline.astype(np.float32)[:, None], (u, v), True) >= -margin
 
 
 def _same(one: _Candidate, other: _Candidate) -> bool:
     """Whether two candidates show one body: in a frame of both, the centre of each lies in the other."""
     for k in set(one.outlines) & set(other.outlines):
-        a, b = one.outlines[k].astype(np.float32), other.outlines[k].astype(np.float32)
-        centres = [(float(p[:, 0].mean()), float(p[:, 1].mean())) for p in (a, b)]
-        if all(cv2.pointPolygonTest(p[:, None], c, False) >= 0 for p, c in zip((b, a), centres, strict=True)):
+        a, b = one.outlines[k], other.outlines[k]
+        if _holds(a, b.mean(axis=0), 0.0) and _holds(b, a.mean(axis=0), 0.0):
             return True
     return False

@@ -53,8 +53,16 @@ class Scene:
 
     # --- likelihoods --------------------------------------------------------------------------------
 
-    def log_background(self, frame: int, points: Floats, values: Array, own: tuple[int, Floats] | None = None) -> Array:
-        """Log density (M,) of features (M, 3) at points (M, 2) as background, lit, shaded as predicted or freely.
+    def log_background(
+        self,
+        frame: int,
+        points: Floats,
+        values: Array,
+        own: tuple[int, Floats] | None = None,
+        *,
+        freely: bool = True,
+    ) -> Array:
+        """Log density (M,) of features (M, 3) at points (M, 2) as background, shaded as predicted or, lit too, freely.
 
         own: a body and the pose it is tried at, in place of the one that it has.
         """
@@ -69,7 +77,8 @@ class Scene:
         predicted = gauss(dark - shade[:, 0], width) + np.log(1 - s.free_shade)
         possible = (dark < s.brightest_light) & (dark > -s.deepest_shade)
         free = np.where(possible, np.log(s.free_shade / (s.brightest_light + s.deepest_shade)), np.log(s.unknown))
-        return np.asarray(np.logaddexp(log_chroma + np.logaddexp(predicted, free), np.log(s.unknown)), dtype=np.float32)
+        light = np.logaddexp(predicted, free) if freely else predicted
+        return np.asarray(np.logaddexp(log_chroma + light, np.log(s.unknown)), dtype=np.float32)
 
     def _shade(self, frame: int, points: Floats, own: tuple[int, Floats] | None) -> Array:
         """Log factor of the bodies' shade and its standard deviation (M, 2) at points: of the one that darkens most."""

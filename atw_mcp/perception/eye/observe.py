@@ -86,7 +86,7 @@ def _settled(scene: Scene, before: Floats) -> bool:
         if (seen != np.isfinite(old[:, 0])).any():
             return False
         moved = [np.linalg.norm(body.centre(p) - body.centre(q)) for p, q in zip(old[seen], new[seen], strict=True)]
-        if seen.any() and np.percentile(moved, 90) > scene.settings.settled:
+        if seen.any() and np.percentile(moved, 90) > scene.settings.edge_error / 3:
             return False
     return True
 
@@ -177,31 +177,34 @@ def _learn(scene: Scene, held: list[dict[int, Floats]]) -> None:
 
 def _streak(scene: Scene, body: int, frame: int, states: States) -> float:
     """Error [px] of the centre along a streak that a fast body leaves while the shutter is open: half of by how much it
-    is longer on one side of the silhouette.
+    is longer on one side of the silhouette, along its way from the frame before or to that after, whichever is more.
 
-    Its ends, a frame's displacement away at the most, are where the sum of log odds along the motion is largest, that
-    pixels show what the body's middle does rather than the background: its rim may look like its shadow.
+    Its ends, a frame's displacement away at the most, are the last where the mean log odds over a radius say that
+    pixels show what the body's middle does rather than the background in its usual shade: a smeared dark side looks
+    like another shadow, and between it and the bright one there is what looks like the background.
     """
     s, shape, pose = scene.settings, scene.bodies[body], states[frame].fit.pose
     centre, radius = shape.centre(pose), shape.radius(pose)
-    near = [shape.centre(states[m].fit.pose) - centre for m in (frame - 1, frame + 1) if m in states]
-    moved = max(near, key=lambda v: float(np.linalg.norm(v)), default=np.zeros(2))
-    length = float(np.linalg.norm(moved))
-    if length < radius:
-        return 0.0
-    along = moved / length
-    across = np.array([-along[1], along[0]]) * radius
-    reach = radius + np.arange(0.5, length, 1.0)
-    middle = np.repeat([centre + share * across for share in (-0.4, 0.0, 0.4)], len(reach), axis=0)
-    ends = []
-    for sign in (1.0, -1.0):
-        points = middle + sign * np.tile(reach, 3)[:, None] * along
-        values, free = scene.film.at(frame, points), scene.film.inside(points)
-        behind = scene.log_background(frame, points, values, (body, pose))
-        odds = np.clip(scene.log_body(body, values, middle, pose) - behind, -s.decided, s.decided)
-        summed = np.cumsum(np.where(free, odds, 0.0).reshape(3, -1).mean(axis=0))
-        ends.append(float(np.argmax(np.append(0.0, summed))))
-    return abs(ends[0] - ends[1]) / 2
+    worst = 0.0
+    for moved in (shape.centre(states[m].fit.pose) - centre for m in (frame - 1, frame + 1) if m in states):
+        length = float(np.linalg.norm(moved))
+        if length < radius:
+            continue
+        along = moved / length
+        across = np.array([-along[1], along[0]]) * radius
+        reach = radius + np.arange(0.5, length, 1.0)
+        middle = np.repeat([centre + share * across for share in (-0.4, 0.0, 0.4)], len(reach), axis=0)
+        ends = []
+        for sign in (1.0, -1.0):
+            points = middle + sign * np.tile(reach, 3)[:, None] * along
+            values, free = scene.film.at(frame, points), scene.film.inside(points)
+            behind = scene.log_background(frame, points, values, (body, pose), freely=False)
+            odds = np.clip(scene.log_body(body, values, middle, pose) - behind, -s.decided, s.decided)
+            shown = np.where(free, odds, 0.0).reshape(3, -1).mean(axis=0)
+            shown = np.convolve(shown, np.ones(round(radius)) / round(radius), "same")
+            ends.append(float(np.flatnonzero(np.append(s.present, shown) >= s.present)[-1]))
+        worst = max(worst, abs(ends[0] - ends[1]) / 2)
+    return worst
 
 
 def _track(scene: Scene, body: int, states: States, seeds: dict[int, Floats]) -> Track:
