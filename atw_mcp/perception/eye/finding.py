@@ -163,15 +163,17 @@ def _exchanged(
 
     Steps across an edge say little of which shape it is; colours learned from a place, and where they end, do.
     """
+    alike: dict[tuple[str | None, int], list[int]] = {}
+    for i, body in enumerate(bodies):
+        if body.name in found:
+            alike.setdefault((words.get(body.name), found[body.name].seed.frame), []).append(i)
+    exchangeable = [(frame, own) for (word, frame), own in alike.items() if word is not None and len(own) > 1]
+    if not exchangeable:
+        return found
     film = Film(frames, settings)
     scene = Scene(film, list(bodies), settings, learn_background(film, film.nothing()), hiding)
-    for word, frame in {(words.get(name), f.seed.frame) for name, f in found.items()}:
-        own = [i for i, b in enumerate(bodies) if b.name in found and words.get(b.name) == word]
-        own = [i for i in own if found[bodies[i].name].seed.frame == frame]
-        if len(own) < 2 or word is None:
-            continue
-        places = [found[bodies[i].name] for i in own]
-        orders = list(itertools.permutations(places))
+    for frame, own in exchangeable:
+        orders = itertools.permutations([found[bodies[i].name] for i in own])
         best = max(orders, key=lambda order: sum(map(partial(_fitting, scene, frame=frame), own, order)))
         for i, place in zip(own, best, strict=True):
             found[bodies[i].name] = replace(place, seed=replace(place.seed, body=bodies[i].name))

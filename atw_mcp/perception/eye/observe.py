@@ -63,7 +63,7 @@ def observe(
             scene.poses[i, k] = pose
     scene.background = learn_background(film, _at_seeds(scene, held))
     for i, own in enumerate(held):
-        if own and scene.colours[i] is None:
+        if own:
             scene.learn_body(i, sorted(own), rough=True)
     scene.background = learn_background(film, _at_seeds(scene, held) | _alike(scene))
     scene.poses[:] = np.nan
