@@ -110,7 +110,8 @@ def _judged(
                 continue
             look = {k: own[words[body.name]] if body.name in words else 0.0 for k, own in looks.items()}
             usual = float(np.median(list(look.values())))
-            if usual > -settings.unlikely:
+            # A silhouette says that something is there, and its colour alone what it is.
+            if usual > -(2 * settings.likely if candidate.sought else settings.unlikely):
                 fits = {k: _log_fit(body, candidate.outlines[k], settings) for k in look}
                 gains[i, j] = usual + max(fits.values()) + candidate.prior
                 clearest[i, j], frame[i, j] = max((look[k] + fits[k], k) for k in look)
@@ -142,9 +143,9 @@ def _assigned(
             near = [j for j in allowed if gains[i, j] > gains[i, allowed].max() - settings.likely]
             _, j = max((clearest[i, j], j) for j in near)
             seed = Seed(bodies[i].name, "outline", int(frames[i, j]), candidates[j].outlines[int(frames[i, j])])
-            rivals = [candidates[m] for h in {*range(len(groups))} - {*columns} for m in groups[h]
+            competitors = [candidates[m] for h in {*range(len(groups))} - {*columns} for m in groups[h]
                       if candidates[j].sought and gains[i, m] > gains[i, j] - settings.likely]  # fmt: skip
-            others = [c.outlines[c.best].mean(axis=0) for c in rivals if c.sought and c.best == seed.frame]
+            others = [c.outlines[c.best].mean(axis=0) for c in competitors if c.sought and c.best == seed.frame]
             sure = candidates[j].sought is not None if on_plane is None else on_plane
             outlines = (longest or candidates[j]).outlines
             found[seed.body] = Found(seed, sure, outlines, np.array(others).reshape(-1, 2))
