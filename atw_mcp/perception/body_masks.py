@@ -28,9 +28,9 @@ def masks_of(
     given = {
         (c.object, clip.row(c.frame)): c.value.decode()
         for c in constraints
-        if isinstance(c, Seed) and isinstance(c.value, RunLengthMask) and c.frame is not None
+        if isinstance(c, Seed) and isinstance(c.value, RunLengthMask)
     }
-    outlined = {c.object for c in constraints if isinstance(c, Seed)}  # by somebody who saw what is the body's
+    outlined = {c.object for c in constraints if isinstance(c, Seed)}  # as wholes, whoever or whatever found them
     masks: dict[str, list[Mask]] = {t.body.name: [] for t in tracks}
     for k in range(len(clip.numbers)):
         taken = np.zeros(shape, bool)

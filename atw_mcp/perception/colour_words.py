@@ -7,8 +7,18 @@ import re
 
 from matplotlib.colors import CSS4_COLORS, XKCD_COLORS, to_rgb
 
-from atw_mcp.perception.eye.seeds import GREYS, HUES
-
+HUES = {  # OpenCV's hue, 0..180
+    "red": (-9, 8),
+    "brown": (8, 20),
+    "orange": (6, 20),
+    "yellow": (20, 37),
+    "green": (37, 84),
+    "cyan": (84, 102),
+    "blue": (102, 131),
+    "purple": (131, 169),
+    "pink": (150, 172),
+}
+GREYS = ("grey", "white", "black")
 GREY = 0.2  # saturation below which a colour is grey, black or white
 DARK, BRIGHT = 0.25, 0.85  # brightness below which a grey is black, above which it is white
 BROWN = 0.65  # brightness below which an orange is brown
@@ -50,7 +60,7 @@ def _word(words: list[str]) -> str | None:
     if saturation < GREY:
         return "black" if value < DARK else "white" if value > BRIGHT else "grey"
     turned = hue * 180 - (180 if hue * 180 > RED else 0)
-    fits = [word for word, spans in HUES.items() if any(low <= turned <= high for low, high in spans)]
+    fits = [word for word, (low, high) in HUES.items() if low <= turned <= high]
     if "brown" in fits and "orange" in fits:
         return "brown" if value < BROWN else "orange"
     return fits[0] if fits else "pink"

@@ -13,7 +13,7 @@ from atw_mcp.perception.masks import RunLengthMask
 
 Position = tuple[float, float, float]
 Numbers = tuple[float, ...]
-SeedKind = Literal["outline", "circle", "box", "centre", "words", "mask"]
+SeedKind = Literal["outline", "circle", "box", "centre", "mask"]
 
 
 @dataclass(frozen=True)
@@ -21,14 +21,13 @@ class Seed:
     """Hint at where an object is in a frame, in that frame's own pixels.
 
     value: an outline's points (u, v, u, v, ...), circle (u, v, radius), box (left, top, right, bottom), centre (u, v)
-    [px], a mask, or a colour, which leaves the frame open. position: where its centre is in the world then [m], where
-    that was stated.
+    [px] or a mask. position: where its centre is in the world then [m], where that was stated.
     """
 
     object: str
     kind: SeedKind
-    frame: int | None
-    value: Numbers | RunLengthMask | str
+    frame: int
+    value: Numbers | RunLengthMask
     position: Position | None = None
 
 
@@ -72,7 +71,7 @@ def to_dict(constraint: Constraint) -> dict[str, Any]:
 
 def from_dict(data: dict[str, Any]) -> Constraint:
     """Return the inverse of `to_dict`."""
-    values = {"frame": None, **data} if data["statement"] == "seed" else dict(data)
+    values = dict(data)
     made = _KINDS[values.pop("statement")]
     for key in ("mask", "value", "position"):
         value = values.get(key)

@@ -133,7 +133,7 @@ def _seed_shape(edits: TrackEdits, name: str) -> None:
     own = [c for c in edits.constraints if isinstance(c, Seed) and c.object == name]
     known = edits.scene is not None and name in edits.scene.solids
     described = edits.described.get(name)
-    if known or described is None or any(c.kind not in ("centre", "words") for c in own):
+    if known or described is None or any(c.kind != "centre" for c in own):
         return
     sure = described.confidence * np.sqrt(described.area / max(float(described.area.max()), 1.0))
     taken = {c.frame for c in own}
@@ -227,7 +227,7 @@ def _check(constraints: Sequence[Constraint], edits: TrackEdits) -> None:
         if not isinstance(c, Exclusion):
             continue
         for seed in constraints:
-            if not isinstance(seed, Seed) or seed.frame is None or not c.first <= seed.frame <= c.last:
+            if not isinstance(seed, Seed) or not c.first <= seed.frame <= c.last:
                 continue
             if c.object in (None, seed.object) and (c.mask is None or _lies_in(seed, c.mask.decode())):
                 raise ObservationError(

@@ -16,8 +16,6 @@ from atw_mcp.perception.constraints import Constraint, Seed
 from atw_mcp.perception.describing import describe
 from atw_mcp.perception.eye.bodies import Body
 from atw_mcp.perception.eye.likelihood import Scene
-from atw_mcp.perception.eye.pixels import features
-from atw_mcp.perception.eye.seeds import word_map
 from atw_mcp.perception.import_images import standing_apart
 from atw_mcp.perception.known_scene import KnownScene
 from atw_mcp.perception.lying import has_place, lying
@@ -53,6 +51,8 @@ def follow_bodies(
     """
     seeds = [c for c in constraints if isinstance(c, Seed)]
     names = list(dict.fromkeys(s.object for s in seeds))
+    if not names:
+        return Followed({}, [])
     ticks = 0
 
     def tick() -> None:
@@ -87,8 +87,6 @@ def follow_bodies(
 
 def _hint(clip: Clip, seed: Seed) -> eye.Seed:
     """Return a seed in steady pixels and rows."""
-    if seed.frame is None:
-        return eye.Seed(seed.object, seed.kind, None, seed.value)
     row = clip.row(seed.frame)
     if isinstance(seed.value, RunLengthMask):
         mask = seed.value.decode()
@@ -98,7 +96,6 @@ def _hint(clip: Clip, seed: Seed) -> eye.Seed:
         return eye.Seed(
             seed.object, "mask", row, mask if clip.motion is None else as_stabilised(mask, clip.motion[row])
         )
-    assert isinstance(seed.value, tuple)
     rest = seed.value[2:] if seed.kind == "circle" else ()
     places = clip.steadied(np.array(seed.value[: len(seed.value) - len(rest)]).reshape(-1, 2), row)
     flat = (*places.ravel().tolist(), *rest)
@@ -120,7 +117,6 @@ def _outline(clip: Clip, name: str, hints: list[eye.Seed]) -> eye.Outline:
 
 def _in_box(clip: Clip, hint: eye.Seed) -> Mask:
     """Mask (H, W) of what stands out in a box: GrabCut (Rother, Kolmogorov & Blake 2004)."""
-    assert hint.frame is not None
     height, width = clip.frames.shape[1:3]
     left, top, right, bottom = (round(float(v)) for v in np.asarray(hint.value))
     left, top, right, bottom = max(left, 0), max(top, 0), min(right, width), min(bottom, height)
@@ -203,15 +199,3 @@ def doubts(clip: Clip, name: str, track: eye.Track, sure: Floats) -> list[str]:
         first, last = clip.numbers[unsure[0]], clip.numbers[unsure[-1]]
         found.append(f"{name} is unsure in {len(unsure)} of frames {first}..{last}: {cure}")
     return found
-
-
-def first_frame_showing(clip: Clip, word: str, pixel: tuple[float, float], settings: eye.EyeSettings) -> int | None:
-    """Number of the first frame in which a pixel (u, v) has a colour; None where none has."""
-    column, row = (round(v) for v in pixel)
-    reach = 2
-    part = clip.frames[:, max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1]
-    usual = features(np.median(part, axis=0).astype(np.float32), settings)[..., 0]
-    for k, frame in enumerate(part):
-        if word_map(frame, word, usual).mean() > 0:
-            return clip.numbers[k]
-    return None

@@ -25,7 +25,7 @@ def with_given_places(tracks: ObservedTracks, seen: ImageObservation) -> Observe
     confidence = tracks.confidence.copy()
     given: dict[tuple[str, int], np.ndarray] = {}
     for c in seen.constraints:
-        if isinstance(c, Seed) and c.position is not None and c.frame is not None and c.object in tracks.names:
+        if isinstance(c, Seed) and c.position is not None and c.object in tracks.names:
             column, rows = tracks.index(c.object), np.flatnonzero(tracks.frames == c.frame)
             measured = tracks.position_sigma[tracks.confidence[:, column] > 0, column]
             least = float(np.median(measured)) if len(measured) else GIVEN_SIGMA

@@ -12,11 +12,14 @@ from atw_mcp.perception.clip import Clip
 from atw_mcp.perception.colour_words import colour_name, colour_word
 from atw_mcp.perception.constraints import Seed
 from atw_mcp.perception.eye import EyeSettings
+from atw_mcp.perception.eye.colour_names import log_look
 from atw_mcp.perception.eye.finding import find_solids
-from atw_mcp.perception.follow_bodies import first_frame_showing, follow_bodies
-from atw_mcp.perception.known_scene import FAR, OFF_PLANE, KnownScene
+from atw_mcp.perception.follow_bodies import follow_bodies
+from atw_mcp.perception.known_scene import OFF_PLANE, KnownScene
 from atw_mcp.perception.observation import ImageObservation, ObservationError
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress, load
+
+NEAR = 2  # pixels around one that is pointed at, that show the body too
 
 
 @dataclass(frozen=True)
@@ -62,17 +65,12 @@ def observe_known(
             f"{info.height}: calibrate with the video's own size"
         )
     clip = Clip.of(frames, stride, stop)
-    seeds, aside = _seeds(clip, bodies, scene, stop)
+    seeds, aside, notes = _seeds(clip, bodies, scene, stop)
     scene = replace(scene, off_plane=aside)
     followed = follow_bodies(clip, seeds, scene, progress, cancelled)
     warnings = [*info.warnings]
     if clip.motion is not None:
         warnings.append("the camera moves a little: frames were aligned to the first before bodies were looked for")
-    notes = [
-        f"{name} {OFF_PLANE}, or turned otherwise: it leaves that, or its size, the camera or the plane is not right. "
-        "It was followed in the image"
-        for name in sorted(aside)
-    ]
     return ImageObservation(
         info,
         clip.numbers,
@@ -87,8 +85,9 @@ def observe_known(
 
 def _seeds(
     clip: Clip, bodies: Sequence[KnownBody], scene: KnownScene, stop: Callable[[], None]
-) -> tuple[list[Seed], frozenset[str]]:
-    """Seeds of the bodies that are found, in each frame's own pixels, and the names of those not on their plane."""
+) -> tuple[list[Seed], frozenset[str], list[str]]:
+    """Seeds of the bodies that are found, in each frame's own pixels, the names of those not on their plane, and what
+    is to be said of them and of those that are not found."""
     words = {b.name: name for b in bodies if (name := colour_name(b.colour or "")) is not None}
     pointed: dict[str, tuple[int, tuple[float, float]]] = {}
     for b in bodies:
@@ -98,27 +97,43 @@ def _seeds(
             pointed[b.name] = (clip.row(frame), (float(u), float(v)))
     solids = [scene.body(b.name) for b in bodies]
     hiding = scene.hiding(clip.frames.shape[1:3])
-    fixed = None if hiding is None else hiding < FAR
-    found = find_solids(clip.steady, solids, words, pointed, EyeSettings(), fixed, stop)
+    found = find_solids(clip.steady, solids, words, pointed, EyeSettings(), hiding, stop)
     seeds: list[Seed] = []
+    notes = []
     for b in bodies:
-        if b.name in found:
-            hint = found[b.name].seed
-            assert hint.frame is not None
-            points = clip.filmed(np.asarray(hint.value), hint.frame)
-            seeds.append(Seed(b.name, "outline", clip.numbers[hint.frame], tuple(points.ravel().round(2).tolist())))
-        elif b.pixel is not None:
-            seeds.append(Seed(b.name, "centre", clip.numbers[pointed[b.name][0]], b.pixel))
-        else:  # the colour alone, on the plane of motion: grey bodies on grey ground are no regions
-            seeds.append(Seed(b.name, "words", None, words[b.name].split()[-1]))
-    return seeds, frozenset(name for name, one in found.items() if not one.on_plane)
+        if b.name not in found:
+            if b.pixel is not None:
+                seeds.append(Seed(b.name, "centre", clip.numbers[pointed[b.name][0]], b.pixel))
+            else:
+                notes.append(f"{b.name} was not found: give a circle or an outline of it in a frame that shows it")
+            continue
+        hint, others = found[b.name].seed, found[b.name].others
+        points, frame = clip.filmed(np.asarray(hint.value), hint.frame), clip.numbers[hint.frame]
+        if len(others):
+            places = [points.mean(axis=0), *clip.filmed(others, hint.frame)]
+            at = " or ".join(f"({u:.0f}, {v:.0f})" for u, v in places)
+            notes.append(
+                f"{b.name} was not found: in frame {frame} it may be at {at}; give a circle or an outline of it"
+            )
+            continue
+        seeds.append(Seed(b.name, "outline", frame, tuple(points.ravel().round(2).tolist())))
+        if not found[b.name].on_plane:
+            notes.append(
+                f"{b.name} {OFF_PLANE}, or turned otherwise: it leaves that, or its size, the camera or the plane is "
+                "not right. It was followed in the image"
+            )
+    return seeds, frozenset(name for name, one in found.items() if not one.on_plane), notes
 
 
 def _frame(clip: Clip, body: KnownBody, word: str | None) -> int:
     assert body.pixel is not None
     if body.frame is not None:
         return body.frame
-    frame = clip.numbers[0] if word is None else first_frame_showing(clip, word, body.pixel, EyeSettings())
-    if frame is None:
-        raise ObservationError(f"{body.name}: no frame shows {word} at pixel {list(body.pixel)}: give the frame too")
-    return frame
+    if word is None:
+        return clip.numbers[0]
+    column, row = (round(v) for v in body.pixel)
+    part = clip.frames[:, max(row - NEAR, 0) : row + NEAR + 1, max(column - NEAR, 0) : column + NEAR + 1]
+    for number, frame in zip(clip.numbers, part, strict=True):
+        if log_look(frame.reshape(-1, 3), word) > np.log(EyeSettings().named):
+            return number
+    raise ObservationError(f"{body.name}: no frame shows {word} at pixel {list(body.pixel)}: give the frame too")

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 from scipy.spatial import ConvexHull
 
 from atw_mcp.perception.eye import Solid
-from atw_mcp.perception.eye.bodies import FLOOR
+from atw_mcp.perception.eye.bodies import FAR, FLOOR
 from atw_mcp.perception.flight.surfaces import Surface, surfaces_of
 from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
@@ -22,10 +22,8 @@ from polyworld.world.shapes import Box, Cylinder, Sphere
 Floats = NDArray[np.float64]
 Sized = Sphere | Box | Cylinder
 Corners = tuple[tuple[float, float, float], ...]
-FAR = 1e6  # [m]
 OFF_PLANE = "is larger or smaller than on its plane of motion"  # of a body, as notes say it
 LEVEL = 1.0 - 1e-6  # least upward part of the normal of a level plane
-STEEPEST = 0.3  # least upward part of the normal of a face that bears what rolls, as of flights
 _SIZED: TypeAdapter[Sized] = TypeAdapter(Sized)
 
 
@@ -52,7 +50,7 @@ class KnownScene:
         faces: tuple[Surface, ...] = ()
         if isinstance(solid, Sphere) and self.plane.supports and plane_axes(self.plane)[2, 2] > LEVEL:
             corners = {str(k): np.array(c) for k, c in enumerate(self.fixtures)}
-            faces = tuple(surfaces_of(self.plane.point[2], corners, STEEPEST)[1:])
+            faces = tuple(surfaces_of(self.plane.point[2], corners)[1:])
         return Solid(name, solid.kind, half, self.camera, self.plane, faces=faces)
 
     def renamed(self, old: str, new: str) -> KnownScene:

@@ -9,12 +9,10 @@ import numpy as np
 
 from atw_mcp.perception import eye
 from atw_mcp.perception.eye.likelihood import Scene
-from atw_mcp.perception.eye.pixels import Floats
 from atw_mcp.perception.eye.states import state_at
 
 COMPARED = 8  # frames in which a cylinder is tried on its side
 SHOWN = 0.4  # share of its normals whose edges must be seen, from which on it stands: 0.05 lying, 0.84 standing
-BETTER = 0.5  # [nats] of contrast by which it must explain them better: that from which on a body is seen at all
 
 
 def lying(scene: Scene, tracks: Sequence[eye.Track]) -> frozenset[str]:
@@ -34,7 +32,7 @@ def lying(scene: Scene, tracks: Sequence[eye.Track]) -> frozenset[str]:
             scene.bodies[i] = body
             gains.append(max(tried) - standing[-1].contrast)
         shown = float(np.median([state.fit.decided for state in standing]))
-        if np.median(gains) > BETTER and shown < SHOWN:
+        if np.median(gains) > scene.settings.present and shown < SHOWN:
             found.add(body.name)
     return frozenset(found)
 
@@ -42,7 +40,4 @@ def lying(scene: Scene, tracks: Sequence[eye.Track]) -> frozenset[str]:
 def has_place(body: eye.Solid, seed: eye.Seed) -> bool:
     """Whether a seed's centre is on the plane of motion, and not above its horizon."""
     centre = seed.centre()
-    if centre is None:
-        return True
-    pose: Floats = body.placed(centre, np.zeros(4))
-    return bool(np.isfinite(pose).all())
+    return centre is None or bool(np.isfinite(body.placed(centre, np.zeros(4))).all())

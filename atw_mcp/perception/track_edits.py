@@ -140,7 +140,6 @@ class TrackEdits:
         self.constraints = [
             replace(c, object=new) if isinstance(c, Seed) and c.object == name and c.frame in later else c
             for c in self.constraints
-            if not (isinstance(c, Seed) and c.object == name and c.frame is None)
         ]
         if self.scene is not None and name in self.scene.solids:
             off = self.scene.off_plane | ({new} if name in self.scene.off_plane else set())

@@ -17,9 +17,11 @@ import cv2
 import numpy as np
 
 from atw_mcp.perception.calibration import calibrate_from_points
+from atw_mcp.perception.colour_words import colour_name
 from atw_mcp.perception.eye.bodies import Body, Solid
+from atw_mcp.perception.eye.finding import find_solids
 from atw_mcp.perception.eye.observe import Track, observe
-from atw_mcp.perception.eye.seeds import Seed
+from atw_mcp.perception.eye.settings import EyeSettings
 from atw_mcp.perception.video import read_frames
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared" / "data"
@@ -33,13 +35,14 @@ def clip(name: str, truth: dict[str, Any]) -> tuple[list[dict[str, Any]], list[T
     points = [c["world"] for c in truth["calibration"]]
     pixels = np.array([c["pixel"] for c in truth["calibration"]]) - 0.5  # theirs count from the first pixel's corner
     camera = calibrate_from_points(points, pixels, (frames.shape[2], frames.shape[1])).camera
-    bodies: list[Body] = []
+    bodies: list[Solid] = []
     for o in truth["objects"]:
         half = o["shape"].get("half_extents") or [o["shape"]["radius"]] * 2 + [o["shape"].get("half_height", 0.167)]
         bodies.append(Solid(o["name"], o["shape"]["kind"], tuple(half), camera))
-    seeds = [Seed(b.name, "words", None, b.name.split("_")[0]) for b in bodies]
     began = time.process_time()
-    tracks, _ = observe(frames, bodies, seeds)
+    words = {b.name: str(colour_name(b.name.split("_")[0])) for b in bodies}
+    found = find_solids(frames, bodies, words, {}, EyeSettings())
+    tracks, _ = observe(frames, bodies, [f.seed for f in found.values()])
     seconds = time.process_time() - began
     rows = []
     for track in tracks:

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 
+from atw_mcp.perception.eye.colours import Colours
 from atw_mcp.perception.eye.follow import States
 from atw_mcp.perception.eye.likelihood import Scene
 from atw_mcp.perception.eye.pixels import Floats
@@ -65,25 +66,18 @@ def _kinds(scene: Scene) -> list[int]:
                 continue
             sizes = [scene.bodies[m].unit[0] for m in (i, j)]
             shape = [getattr(scene.bodies[m], "kind", "outline") for m in (i, j)]
-            apart = min(
-                float(
-                    np.abs((own.means[:, None] - other.means) / np.hypot(own.spreads[:, None], other.spreads))
-                    .max(-1)
-                    .min(1)
-                    .mean()
-                ),
-                float(
-                    np.abs((other.means[:, None] - own.means) / np.hypot(other.spreads[:, None], own.spreads))
-                    .max(-1)
-                    .min(1)
-                    .mean()
-                ),
-            )
+            apart = min(_apart(own, other), _apart(other, own))
             if abs(np.log(sizes[0] / sizes[1])) < 0.25 and shape[0] == shape[1] and apart < 2.0:
                 kind = kinds[j]
                 break
         kinds.append(kind)
     return kinds
+
+
+def _apart(one: Colours, other: Colours) -> float:
+    """Mean distance [standard deviations] of a body's colours from the nearest of another's."""
+    away = np.abs((one.means[:, None] - other.means) / np.hypot(one.spreads[:, None], other.spreads))
+    return float(away.max(-1).min(1).mean())
 
 
 def _meetings(scene: Scene, states: list[States]) -> list[tuple[int, int, int, int]]:

@@ -17,7 +17,7 @@ from polyworld.world.geometry import plane_axes
 
 Floats = NDArray[np.float64]
 FLOOR = MotionPlane()
-SLOPING = 8  # steps to a place on a slope; each leaves the slope over that of the ray, under a third
+FAR = 1e6  # [m] depth of nothing that hides
 CIRCLE = np.stack([np.cos(np.arange(64) * np.pi / 32), np.sin(np.arange(64) * np.pi / 32)], axis=1)
 
 
@@ -98,10 +98,13 @@ class Solid:
         size = float(np.mean(self.half))
         return np.array([size, size, 1.0, size])
 
+    def _above(self, pose: Floats) -> float:
+        """Height [m] of the centre above the plane."""
+        return float((self.half[0 if self.lies else 2] if self.plane.supports else 0.0) + pose[3])
+
     def middle(self, pose: Floats) -> Floats:
         """Centre (3,) in the world [m]."""
-        above = (self.half[0 if self.lies else 2] if self.plane.supports else 0.0) + pose[3]
-        found = np.asarray(self.plane.point) + np.array([pose[0], pose[1], above]) @ plane_axes(self.plane)
+        found = np.asarray(self.plane.point) + np.array([*pose[:2], self._above(pose)]) @ plane_axes(self.plane)
         level = found[2]
         for face in self.faces:  # the highest that is below it bears it
             lift = self.half[0] + pose[3]
@@ -145,7 +148,7 @@ class Solid:
         used = np.arange(len(points)) if self.kind == "sphere" else _hull(points)
         small = 1e-4
         moved = [(self.camera.project(self._surface(pose + small * e)) - points)[used] / small for e in np.eye(4)]
-        found = _sampled(points[used], np.stack(moved), most)
+        found = sampled_contour(points[used], np.stack(moved), most)
         if self.kind == "sphere" or self.upright or self.lies:
             return found
         # A rim rounded by r lies r (|w_xy| + w_z - 1) farther in than a sharp one, w the normal of the tangent plane
@@ -170,14 +173,16 @@ class Solid:
         return float(self.camera.to_camera(self.middle(pose))[2])
 
     def placed(self, pixel: Floats, like: Floats) -> Floats:
-        """Pose whose centre is seen at a pixel (2,), angle and height those of `like`."""
-        axes = plane_axes(self.plane)
-        pose, level = like, self.middle(like)
-        for _ in range(SLOPING if self.faces else 1):  # the height follows from the place, and the place from it
-            place = self.camera.onto_plane(pixel, level, axes[2]) - np.asarray(self.plane.point)
-            pose = np.array([place @ axes[0], place @ axes[1], like[2], like[3]])
-            level = self.middle(pose)
-        return pose
+        """Pose whose centre is seen at a pixel (2,), angle and height those of `like`: on the surface met first."""
+        axes, lift = plane_axes(self.plane), self.half[0] + like[3]
+        places = [self.camera.onto_plane(pixel, np.asarray(self.plane.point) + self._above(like) * axes[2], axes[2])]
+        for face in self.faces:
+            there = self.camera.onto_plane(pixel, face.point + lift * face.normal, face.normal)
+            if within(there - lift * face.normal, face, 0.0):
+                places.append(there)
+        nearest = min(places, key=lambda p: float(np.nan_to_num(self.camera.to_camera(p)[2], nan=np.inf)))
+        place = nearest - np.asarray(self.plane.point)
+        return np.array([place @ axes[0], place @ axes[1], like[2], like[3]])
 
     def local(self, pose: Floats, points: Floats) -> Floats:
         """Places (..., 2) on the body, its silhouette about within -1..1: light and view do not rotate with it."""
@@ -237,7 +242,7 @@ class Outline:
         arm = points - pose[:2]
         one = np.ones(len(points))
         moved = [np.c_[one, 0 * one], np.c_[0 * one, one], np.c_[-arm[:, 1], arm[:, 0]], arm]
-        return _sampled(points, np.stack(moved), most)
+        return sampled_contour(points, np.stack(moved), most)
 
     def centre(self, pose: Floats) -> Floats:
         """Centroid (2,) [px]."""
@@ -291,7 +296,7 @@ def _centroid(polygon: Floats) -> Floats:
     return np.asarray(moments / (3 * total))
 
 
-def _sampled(polygon: Floats, moved: Floats, most: int) -> Contour:
+def sampled_contour(polygon: Floats, moved: Floats, most: int) -> Contour:
     """Points at equal distances along a polygon (V, 2) whose vertices move at rates (P, V, 2)."""
     after = np.append(np.arange(1, len(polygon)), 0)
     edge = polygon[after] - polygon

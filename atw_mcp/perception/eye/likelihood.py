@@ -53,8 +53,16 @@ class Scene:
 
     # --- likelihoods --------------------------------------------------------------------------------
 
-    def log_background(self, frame: int, points: Floats, values: Array, own: tuple[int, Floats] | None = None) -> Array:
-        """Log density (M,) of features (M, 3) at points (M, 2) as background, lit, shaded as predicted or freely.
+    def log_background(
+        self,
+        frame: int,
+        points: Floats,
+        values: Array,
+        own: tuple[int, Floats] | None = None,
+        *,
+        freely: bool = True,
+    ) -> Array:
+        """Log density (M,) of features (M, 3) at points (M, 2) as background, shaded as predicted or, lit too, freely.
 
         own: a body and the pose it is tried at, in place of the one that it has.
         """
@@ -64,12 +72,13 @@ class Scene:
         dark = apart[:, 0]
         shade = self._shade(frame, points, own)
         chroma = spread[:, 1:] + s.shade_chroma * np.abs(dark)[:, None]
-        log_chroma = _gauss(apart[:, 1], chroma[:, 0]) + _gauss(apart[:, 2], chroma[:, 1])
+        log_chroma = gauss(apart[:, 1], chroma[:, 0]) + gauss(apart[:, 2], chroma[:, 1])
         width = np.sqrt(spread[:, 0] ** 2 + (s.shade_slack * shade[:, 0]) ** 2 + shade[:, 1] ** 2 + 0.02**2)
-        predicted = _gauss(dark - shade[:, 0], width) + np.log(1 - s.free_shade)
+        predicted = gauss(dark - shade[:, 0], width) + np.log(1 - s.free_shade)
         possible = (dark < s.brightest_light) & (dark > -s.deepest_shade)
         free = np.where(possible, np.log(s.free_shade / (s.brightest_light + s.deepest_shade)), np.log(s.unknown))
-        return np.asarray(np.logaddexp(log_chroma + np.logaddexp(predicted, free), np.log(s.unknown)), dtype=np.float32)
+        light = np.logaddexp(predicted, free) if freely else predicted
+        return np.asarray(np.logaddexp(log_chroma + light, np.log(s.unknown)), dtype=np.float32)
 
     def _shade(self, frame: int, points: Floats, own: tuple[int, Floats] | None) -> Array:
         """Log factor of the bodies' shade and its standard deviation (M, 2) at points: of the one that darkens most."""
@@ -282,7 +291,8 @@ def background_scene(frames: Bytes, covered: Callable[[int], Mask], settings: Ey
     return Scene(film, [], settings, learn_background(film, np.stack([covered(int(k)) for k in film.chosen()])))
 
 
-def _gauss(apart: Array, spread: Array) -> Array:
+def gauss(apart: Array, spread: Array) -> Array:
+    """Log density of a normal distribution at a distance from its mean, of a standard deviation."""
     return np.asarray(-0.5 * (apart / spread) ** 2 - np.log(spread) - np.float32(0.919))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -11,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception.eye.assignment import reassign
-from atw_mcp.perception.eye.bodies import Body, Solid
-from atw_mcp.perception.eye.colours import Colours, learn_colours
-from atw_mcp.perception.eye.follow import States, follow, refit, seeded
-from atw_mcp.perception.eye.likelihood import Scene
+from atw_mcp.perception.eye.bodies import Body
+from atw_mcp.perception.eye.colours import learn_colours
+from atw_mcp.perception.eye.follow import States, follow, refit
+from atw_mcp.perception.eye.likelihood import Scene, gauss
 from atw_mcp.perception.eye.outlines import learn_shapes, order_outlines
 from atw_mcp.perception.eye.pixels import Array, Film, Floats, evenly_lit, features, filled, learn_background
-from atw_mcp.perception.eye.seeds import GREYS, Seed, hidden_places, seed_pose, word_map, word_places
+from atw_mcp.perception.eye.seeds import Seed, seed_pose
 from atw_mcp.perception.eye.settings import EyeSettings
 from atw_mcp.perception.eye.silhouette import centre_error
 
@@ -56,17 +55,15 @@ def observe(
     """
     settings = settings or EyeSettings()
     film = Film(evenly_lit(frames), settings)
-    scene = Scene(film, list(bodies), settings, learn_background(film, _none(film)), hiding)
+    scene = Scene(film, list(bodies), settings, learn_background(film, film.nothing()), hiding)
     scene.tick = tick or scene.tick
     held = _held(scene, seeds)
     for i, own in enumerate(held):
         for k, pose in own.items():
             scene.poses[i, k] = pose
-    groups = _groups(scene, seeds, held)
-    scene.background = learn_background(film, _at_words(scene, groups, _at_seeds(scene, held)))
-    _place_words(scene, groups, held)
+    scene.background = learn_background(film, _at_seeds(scene, held))
     for i, own in enumerate(held):
-        if own and scene.colours[i] is None:
+        if own:
             scene.learn_body(i, sorted(own), rough=True)
     scene.background = learn_background(film, _at_seeds(scene, held) | _alike(scene))
     scene.poses[:] = np.nan
@@ -89,35 +86,30 @@ def _settled(scene: Scene, before: Floats) -> bool:
         if (seen != np.isfinite(old[:, 0])).any():
             return False
         moved = [np.linalg.norm(body.centre(p) - body.centre(q)) for p, q in zip(old[seen], new[seen], strict=True)]
-        if seen.any() and np.percentile(moved, 90) > scene.settings.settled:
+        if seen.any() and np.percentile(moved, 90) > scene.settings.edge_error / 3:
             return False
     return True
 
 
-def _none(film: Film) -> NDArray[np.bool_]:
-    return np.zeros((len(film.chosen()), film.height, film.width), bool)
-
-
 def _held(scene: Scene, seeds: Sequence[Seed]) -> list[dict[int, Floats]]:
-    """Poses (4,) of each body at the frames of its seeds, but for words."""
+    """Poses (4,) of each body at the frames of its seeds."""
     names = [b.name for b in scene.bodies]
     held: list[dict[int, Floats]] = [{} for _ in names]
     for seed in seeds:
         if seed.body not in names:
             raise ValueError(f"a seed names {seed.body!r}, but the bodies are {', '.join(names)}")
         i = names.index(seed.body)
-        pose = seed_pose(scene.bodies[i], seed)
-        if pose is not None:
-            if seed.frame is None or not 0 <= seed.frame < scene.film.count:
-                raise ValueError(f"the seed of {seed.body} needs a frame of 0..{scene.film.count - 1}")
-            held[i][seed.frame] = pose
+        if not 0 <= seed.frame < scene.film.count:
+            raise ValueError(f"the seed of {seed.body} needs a frame of 0..{scene.film.count - 1}")
+        held[i][seed.frame] = seed_pose(scene.bodies[i], seed)
     return held
 
 
 def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
     """Pixels (S, H, W) that look in a frame as they do where a seed shows a body: the body may still stand there.
 
-    Where most of its pixels do it stands there, and its blurred rim too, else the rim is taken for background.
+    A pixel does whose look is likelier with that look's noise than as anything. Where most of a body's pixels do it
+    stands there, and its blurred rim too, else the rim is taken for background.
     """
     film, chosen = scene.film, scene.film.chosen()
     covered = scene.covered(2.0)
@@ -130,13 +122,8 @@ def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
             mask = _mask(scene, i, pose, corner, size)
             parts = film.frames[[k, *chosen], rows, columns].astype(np.float32)
             own_look, *looks = (features(cv2.blur(part, (3, 3)), scene.settings) for part in parts)
-            look = np.stack(looks)
-            least, noise = scene.settings.least_spread, scene.background.noise
-            if isinstance(scene.bodies[i], Solid):  # whose silhouette holds no background
-                spread = np.maximum(least, 6 * noise).astype(np.float32)
-            else:
-                spread = (3 * np.maximum(least, np.sqrt(2) * noise)).astype(np.float32)
-            alike = (np.abs(look - own_look) < spread).all(axis=-1)
+            spread = np.maximum(scene.settings.least_spread, np.sqrt(2) * scene.background.noise).astype(np.float32)
+            alike = gauss(np.stack(looks) - own_look, spread).sum(axis=-1) > np.log(scene.settings.unknown)
             standing = alike[:, filled(scene.bodies[i].polygon(pose), corner, size)].mean(axis=1) > 0.5
             covered[:, rows, columns] |= (alike | standing[:, None, None]) & mask
     return covered
@@ -176,75 +163,6 @@ def _mask(scene: Scene, body: int, pose: Floats, corner: tuple[int, int], size: 
     return filled(middle + (polygon - middle) * (1 + 2.0 / max(scene.bodies[body].radius(pose), 1.0)), corner, size)
 
 
-@dataclass(frozen=True)
-class _Group:
-    """Bodies given by one colour, and for each frame the places (evidence, pose) that show it."""
-
-    bodies: list[int]
-    places: list[list[tuple[float, Floats]]]
-
-
-def _groups(scene: Scene, seeds: Sequence[Seed], held: list[dict[int, Floats]]) -> list[_Group]:
-    """Bodies that a colour alone is given of, by colour; grey ones last, since shadows are grey."""
-    names = [b.name for b in scene.bodies]
-    words: dict[str, list[int]] = {}
-    for seed in seeds:
-        i = names.index(seed.body)
-        if seed.kind == "words" and not held[i]:
-            words.setdefault(str(seed.value), []).append(i)
-    brightness, found = scene.background.feature[..., 0], []
-    for word, bodies in sorted(words.items(), key=lambda g: g[0] in GREYS):
-        shape = scene.bodies[bodies[0]]
-        hidden = None if scene.hiding is None else hidden_places(shape, scene.hiding)
-        maps = (word_map(frame, word, brightness) for frame in scene.film.frames)
-        found.append(_Group(bodies, [word_places(m, shape, len(bodies) + (word in GREYS), hidden) for m in maps]))
-    return found
-
-
-def _at_words(scene: Scene, groups: list[_Group], covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Pixels (S, H, W) around the places that show a body's colour, besides those covered."""
-    for group in groups:
-        shape = scene.bodies[group.bodies[0]]
-        for row, k in enumerate(scene.film.chosen()):
-            for _, pose in group.places[k]:
-                centre, reach = shape.centre(pose), 1.6 * shape.radius(pose)
-                low, high = np.maximum(centre - reach, 0).astype(int), np.maximum(centre + reach + 1, 0).astype(int)
-                covered[row, low[1] : high[1], low[0] : high[0]] = True
-    return covered
-
-
-def _place_words(scene: Scene, groups: list[_Group], held: list[dict[int, Floats]]) -> None:
-    """Place bodies of one colour together in the frame that shows most of it, each where its shape fits best."""
-    for group in groups:
-        count = len(group.bodies)
-        best = max(range(scene.film.count), key=lambda k: sum(f[0] for f in group.places[k][:count]))
-        poses = [pose for _, pose in group.places[best][:count]]
-        choices = []
-        for order in itertools.permutations(range(len(poses)), min(count, len(poses))):
-            choices.append(_tried(scene, group.bodies[: len(order)], [poses[m] for m in order], best))
-        if choices:
-            for i, pose, colours in max(choices, key=lambda c: c[0])[1]:
-                held[i][best], scene.colours[i] = pose, colours
-
-
-def _tried(
-    scene: Scene, bodies: list[int], poses: list[Floats], frame: int
-) -> tuple[float, list[tuple[int, Floats, Colours | None]]]:
-    total, found = 0.0, []
-    for i, pose in zip(bodies, poses, strict=True):
-        for _ in range(3):
-            scene.poses[i, frame] = pose
-            scene.learn_body(i, [frame], rough=True)
-            state = seeded(scene, i, frame, pose)
-            pose = state.fit.pose
-        area = abs(cv2.contourArea(scene.bodies[i].polygon(pose).astype(np.float32)))
-        total += state.inside * state.visible * area
-        found.append((i, pose, scene.colours[i]))
-    for i in bodies:
-        scene.poses[i, frame], scene.colours[i] = np.nan, None
-    return total, found
-
-
 def _learn(scene: Scene, held: list[dict[int, Floats]]) -> None:
     """Learn background, colours and shade from all poses."""
     scene.background = learn_background(scene.film, scene.covered(3.0) | _at_seeds(scene, held))
@@ -259,31 +177,34 @@ def _learn(scene: Scene, held: list[dict[int, Floats]]) -> None:
 
 def _streak(scene: Scene, body: int, frame: int, states: States) -> float:
     """Error [px] of the centre along a streak that a fast body leaves while the shutter is open: half of by how much it
-    is longer on one side of the silhouette.
+    is longer on one side of the silhouette, along its way from the frame before or to that after, whichever is more.
 
-    Its ends, a frame's displacement away at the most, are where the sum of log odds along the motion is largest, that
-    pixels show what the body's middle does rather than the background: its rim may look like its shadow.
+    Its ends, a frame's displacement away at the most, are the last where the mean log odds over a radius say that
+    pixels show what the body's middle does rather than the background in its usual shade: a smeared dark side looks
+    like another shadow, and between it and the bright one there is what looks like the background.
     """
     s, shape, pose = scene.settings, scene.bodies[body], states[frame].fit.pose
     centre, radius = shape.centre(pose), shape.radius(pose)
-    near = [shape.centre(states[m].fit.pose) - centre for m in (frame - 1, frame + 1) if m in states]
-    moved = max(near, key=lambda v: float(np.linalg.norm(v)), default=np.zeros(2))
-    length = float(np.linalg.norm(moved))
-    if length < radius:
-        return 0.0
-    along = moved / length
-    across = np.array([-along[1], along[0]]) * radius
-    reach = radius + np.arange(0.5, length, 1.0)
-    middle = np.repeat([centre + share * across for share in (-0.4, 0.0, 0.4)], len(reach), axis=0)
-    ends = []
-    for sign in (1.0, -1.0):
-        points = middle + sign * np.tile(reach, 3)[:, None] * along
-        values, free = scene.film.at(frame, points), scene.film.inside(points)
-        behind = scene.log_background(frame, points, values, (body, pose))
-        odds = np.clip(scene.log_body(body, values, middle, pose) - behind, -s.decided, s.decided)
-        summed = np.cumsum(np.where(free, odds, 0.0).reshape(3, -1).mean(axis=0))
-        ends.append(float(np.argmax(np.append(0.0, summed))))
-    return abs(ends[0] - ends[1]) / 2
+    worst = 0.0
+    for moved in (shape.centre(states[m].fit.pose) - centre for m in (frame - 1, frame + 1) if m in states):
+        length = float(np.linalg.norm(moved))
+        if length < radius:
+            continue
+        along = moved / length
+        across = np.array([-along[1], along[0]]) * radius
+        reach = radius + np.arange(0.5, length, 1.0)
+        middle = np.repeat([centre + share * across for share in (-0.4, 0.0, 0.4)], len(reach), axis=0)
+        ends = []
+        for sign in (1.0, -1.0):
+            points = middle + sign * np.tile(reach, 3)[:, None] * along
+            values, free = scene.film.at(frame, points), scene.film.inside(points)
+            behind = scene.log_background(frame, points, values, (body, pose), freely=False)
+            odds = np.clip(scene.log_body(body, values, middle, pose) - behind, -s.decided, s.decided)
+            shown = np.where(free, odds, 0.0).reshape(3, -1).mean(axis=0)
+            shown = np.convolve(shown, np.ones(round(radius)) / round(radius), "same")
+            ends.append(float(np.flatnonzero(np.append(s.present, shown) >= s.present)[-1]))
+        worst = max(worst, abs(ends[0] - ends[1]) / 2)
+    return worst
 
 
 def _track(scene: Scene, body: int, states: States, seeds: dict[int, Floats]) -> Track:

@@ -86,6 +86,10 @@ class Film:
         count = min(self.count, self.settings.background_frames)
         return np.unique(np.linspace(0, self.count - 1, count).astype(int))
 
+    def nothing(self) -> Mask:
+        """Pixels (S, H, W) of the chosen frames, none of them covered."""
+        return np.zeros((len(self.chosen()), self.height, self.width), bool)
+
     @cached_property
     def sample(self) -> Bytes:
         """The chosen frames."""

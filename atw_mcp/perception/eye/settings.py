@@ -51,7 +51,6 @@ class EyeSettings:
     shaded_edge: float = 2.0  # [px] per unit of log factor: an edge against a shade may be the shade's own
     pure_error: float = 0.7  # [px] of an edge by pure colours: mixed pixels count for the more varied side
     light_noise: float = 0.01  # of a pixel's light, of 1: about three levels
-    gamma: float = 2.2  # exponent from levels to light, which is what mixes in a pixel: sRGB and video
     robust: float = 2.0  # scales of residuals of normals beyond which they lose weight
     correlated: float = 2.5  # [px] along a contour over which errors of normals are alike
     systematic: float = 0.02  # of a radius: error of a pose that no curvature shows (colours, shape)
@@ -74,7 +73,6 @@ class EyeSettings:
     motion: float = 0.5  # [radii] standard deviation of a frame's change of displacement
     least_motion: float = 0.1  # [radii] of that at the least: errors of poses
     rounds: int = 2  # of states, then colours, at the most
-    settled: float = 0.1  # [px] by which poses still move when no further round is needed: a third of an edge's error
     hold: float = 0.3  # [radii] standard deviation of a seed: a centre given by eye
     hold_pixels: float = 2.0  # [px] at least: what is drawn by eye is no better
     turn: float = 0.15  # [rad] standard deviation of a frame's change of angle
@@ -101,13 +99,15 @@ class EyeSettings:
     # finding of known solids
     named: float = 0.3  # probability of a colour's name from which on pixels are searched for it: of twelve names
     named_frames: int = 8  # in which they are
-    misnamed: float = -3.0  # [log] of that of a region at the least: a twentieth
     plane_size: float = 0.3  # [log area] of an outline about the silhouette on the plane: shade, unknown angle
-    unlikely: float = 3.0  # [nats] below even odds from which a region is not taken for a body
+    unlikely: float = 3.0  # [nats] of odds below which a region is no body, and none called by a colour's name: 1 of 20
     likely: float = 1.0  # [nats] below the likeliest region of a body, from which a longer one says where it moves
     at_rest: float = 0.3  # odds that what has a body's colour but is not seen to move is one
     misfit: float = 0.1  # of a silhouette's area, by which it differs from an outline: shade, rounded edges
     free_depth: float = 0.7  # [log distance] of a body anywhere in view
+    sought: int = 8  # places of a silhouette in a frame: other bodies take some
+    contrast: float = 0.4  # [feature] mean step across an edge of a body, of an exponential distribution
+    edge_odds: float = 1.5  # [nats] of an edge of a silhouette at the most: none decides alone
     overlap: float = 0.6  # of outline and silhouette on the plane, over both: less is another shape
 
     # assignment

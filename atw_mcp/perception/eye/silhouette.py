@@ -10,6 +10,8 @@ from atw_mcp.perception.eye.bodies import Contour, Outline
 from atw_mcp.perception.eye.likelihood import Scene
 from atw_mcp.perception.eye.pixels import Array, Floats, features, sampled
 
+GAMMA = 2.2  # exponent from levels to light, which is what mixes in a pixel: sRGB and video
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -110,7 +112,7 @@ def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
     s, shape = scene.settings, scene.bodies[body]
     initial, pose = pose, pose.copy()
     free = shape.free
-    mixing = 1.0 if isinstance(shape, Outline) else s.gamma  # as its shape is learned: edges_beyond
+    mixing = 1.0 if isinstance(shape, Outline) else GAMMA  # as its shape is learned: edges_beyond
     sigma = 3.0 * shape.unit if prior is None else prior
     hold = np.diag(1 / np.maximum(np.append(sigma[free], shape.nuisance), 1e-9) ** 2)
     for reach in (*s.reaches[coarse:], *[0.0] * s.mixed_rounds):

@@ -58,7 +58,7 @@ def with_flights(
     labels = [seen.label_image(frame) for frame in seen.frames]
     times = tracks.times
     fixtures = {name: np.array(corners) for name, corners in about.fixtures.items()}
-    surfaces = surfaces_of(about.floor, fixtures, SETTINGS.steepest)
+    surfaces = surfaces_of(about.floor, fixtures)
     motions: dict[str, list[dict[str, Any]]] = {}
     for name, solid in solids.items():
         if cancelled is not None and cancelled():

@@ -39,7 +39,6 @@ class FlightSettings:
     quietest: variance of sightings, of the expected one, below which they are not believed to be, since what is left
         of a mask's error is alike in all frames.
     lying: upward part of a cylinder's axis below which it lies on its side.
-    steepest: upward part of a face's normal below which bodies slide off it at once.
     reweightings: of frames by Student's noise, after which evidences change by less than a tenth.
     rounds: of reweighting and of velocities at contacts where stretches are solved together.
     cut: sightings of a piece that is cut off.
@@ -76,7 +75,6 @@ class FlightSettings:
     low: float = 0.3
     quietest: float = 0.05
     lying: float = 0.7
-    steepest: float = 0.3
     reweightings: int = 8
     rounds: int = 4
     cut: int = 3

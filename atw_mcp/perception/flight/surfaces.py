@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 Floats = NDArray[np.float64]
+STEEPEST = 0.3  # upward part of a face's normal below which bodies slide off it at once
 
 
 @dataclass(frozen=True)
@@ -30,17 +31,14 @@ class Surface:
         return np.stack([one, np.cross(self.normal, one)])
 
 
-def surfaces_of(floor: float, fixtures: Mapping[str, Floats], steepest: float) -> list[Surface]:
-    """Return the floor at a height [m], and the faces of fixed convex solids, with corners (n, 3), that can bear.
-
-    steepest: least upward part of a face's normal.
-    """
+def surfaces_of(floor: float, fixtures: Mapping[str, Floats]) -> list[Surface]:
+    """Return the floor at a height [m], and the faces of fixed convex solids, with corners (n, 3), that can bear."""
     found = [Surface("floor", np.array([0.0, 0.0, floor]), np.array([0.0, 0.0, 1.0]))]
     for name, corners in fixtures.items():
         hull = ConvexHull(corners)
         for equation in np.unique(np.round(hull.equations, 6), axis=0):
             normal = equation[:3]
-            if normal[2] < steepest:
+            if normal[2] < STEEPEST:
                 continue
             on = np.unique(hull.simplices[np.abs(hull.equations - equation).max(axis=1) < 1e-5])
             face = corners[on]

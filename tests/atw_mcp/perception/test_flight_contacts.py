@@ -17,7 +17,7 @@ UP = np.array([0.0, 0.0, 1.0])
 RADIUS, FRAME = 0.1, 1.0 / 30.0
 SETTINGS = FlightSettings()
 USUAL = 3.0
-(FLOOR,) = surfaces_of(0.0, {}, SETTINGS.steepest)
+(FLOOR,) = surfaces_of(0.0, {})
 
 
 def through(motion: Motion, time: float, place: Floats, velocity: Floats) -> Floats:
