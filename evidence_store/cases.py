@@ -147,6 +147,17 @@ class Cases:
                 ignore=True,
             )
 
+    def prefer_world(self, identifier: str, world_id: str) -> None:
+        """Make a world that is one of the case's already its latest."""
+        with self._connection.write() as database:
+            where, key = "case_id = ? AND world_id = ?", [identifier, world_id]
+            rows = self._connection.verified(
+                "case_worlds", database.query(f"SELECT * FROM case_worlds WHERE {where}", key)
+            )
+            database.conn.execute(f"DELETE FROM case_worlds WHERE {where}", key)
+            for row in rows:
+                self._connection.insert("case_worlds", {**row, "seq": next_number(database, "case_worlds")})
+
     def modelled_observation(self, identifier: str, world_id: str) -> str | None:
         """The track record that a world of the case models, where it models one."""
         return self.modelled_observations(identifier).get(world_id)

@@ -319,6 +319,8 @@ def _better(
     if least.diverged is None:
         model.other = (str(left.evidence.world), _misfit(least) / max(_misfit(best), 1e-9))
     model.errors, model.diverged = best.errors, best.diverged
+    if kept.evidence.world is not None:  # which a commit takes by default
+        app.store.cases.prefer_world(case.id, kept.evidence.world)
     return kept
 
 

@@ -82,3 +82,12 @@ def test_a_case_is_removed_with_what_only_it_refers_to(tmp_path: Path) -> None:
     assert again.read_evidence("ev-5").case == "second"
     assert again.evidence.add(Evidence("OpenCase", {})).id == "ev-6"
     assert all(finding.good for finding in check(store.path))
+
+
+def test_preferred_world_is_the_latest_with_its_origin_and_tracks(tmp_path: Path) -> None:
+    store = filled(tmp_path / "a.db")
+    before, modelled = store.cases.worlds("ball"), store.cases.modelled_observations("ball")
+    store.cases.prefer_world("ball", before[0][0])
+    assert store.cases.worlds("ball") == [*before[1:], before[0]]
+    assert store.cases.modelled_observations("ball") == modelled
+    store.close()

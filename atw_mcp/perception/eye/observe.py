@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception.eye.assignment import reassign
-from atw_mcp.perception.eye.bodies import Body
+from atw_mcp.perception.eye.bodies import Body, Solid
 from atw_mcp.perception.eye.colours import learn_colours
 from atw_mcp.perception.eye.follow import States, follow, refit
 from atw_mcp.perception.eye.likelihood import Scene, gauss
@@ -108,8 +108,9 @@ def _held(scene: Scene, seeds: Sequence[Seed]) -> list[dict[int, Floats]]:
 def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
     """Pixels (S, H, W) that look in a frame as they do where a seed shows a body: the body may still stand there.
 
-    A pixel does whose look is likelier with that look's noise than as anything. Where most of a body's pixels do it
-    stands there, and its blurred rim too, else the rim is taken for background.
+    A pixel does whose look is likelier with that look's noise than as anything; in an outline, which may hold pixels of
+    the background, within three deviations. Where most of a body's pixels do it stands there, and its blurred rim too,
+    else the rim is taken for background.
     """
     film, chosen = scene.film, scene.film.chosen()
     covered = scene.covered(2.0)
@@ -123,7 +124,10 @@ def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
             parts = film.frames[[k, *chosen], rows, columns].astype(np.float32)
             own_look, *looks = (features(cv2.blur(part, (3, 3)), scene.settings) for part in parts)
             spread = np.maximum(scene.settings.least_spread, np.sqrt(2) * scene.background.noise).astype(np.float32)
-            alike = gauss(np.stack(looks) - own_look, spread).sum(axis=-1) > np.log(scene.settings.unknown)
+            apart = np.stack(looks) - own_look
+            alike = gauss(apart, spread).sum(axis=-1) > np.log(scene.settings.unknown)
+            if not isinstance(scene.bodies[i], Solid):
+                alike = (np.abs(apart) < 3.0 * spread).all(axis=-1)
             standing = alike[:, filled(scene.bodies[i].polygon(pose), corner, size)].mean(axis=1) > 0.5
             covered[:, rows, columns] |= (alike | standing[:, None, None]) & mask
     return covered
