@@ -21,6 +21,7 @@ from polyworld.estimation.least_squares import Minimum, Problem, huber_loss, hub
 from polyworld.estimation.problem import link_start
 
 Array = NDArray[np.float64]
+FLATTEST = -30.0  # logarithm of the power of weights at which all draws count
 
 
 @dataclass(frozen=True)
@@ -75,9 +76,9 @@ def sample(
     targets: list[Array] = [np.zeros(0)]
     places: list[list[Array]] = [[] for _ in answers]
     proposals = []
-    weights = np.zeros(0)
+    weights, counted = np.zeros(0), 0.0
     for turn in range(settings.most if s else 0):
-        if turn > 1 and 1.0 / (weights**2).sum() >= settings.enough * 1.01:
+        if turn > 1 and counted >= settings.enough:
             break
         for about in (mean, _inward(mean, covariance, problem)):
             proposal = multivariate_t(about, _positive(covariance, np.ones(s)), df=settings.freedom, seed=rng)
@@ -96,7 +97,7 @@ def sample(
             place.append(part)
         every, target = np.concatenate(draws), np.concatenate(targets)
         mixture = logsumexp(np.stack([np.atleast_1d(p.logpdf(every)) for p in proposals]), axis=0)
-        weights = _weights(target - mixture, settings.enough)
+        weights, counted = _weights(target - mixture, settings.enough)
         mean = weights @ every
         apart = every - mean
         covariance = (apart * weights[:, None]).T @ apart + 0.05 * covariance
@@ -123,21 +124,25 @@ def _inward(mean: Array, covariance: Array, problem: Problem) -> Array:
     return moved
 
 
-def _weights(logs: Array, enough: float) -> Array:
-    """Return importance weights (N,) of their logarithms, flattened by a power until enough draws count.
+def _weights(logs: Array, enough: float) -> tuple[Array, float]:
+    """Return importance weights (N,) of their logarithms, flattened by a power until enough draws count, and how many
+    count without that.
 
     A proposal that is far from the density has one draw that outweighs all others, from which nothing can be adapted.
     """
 
-    def flattened(power: float) -> Array:
-        size: Array = np.exp(power * (logs - logs.max()))
+    def flattened(log_power: float) -> Array:
+        size: Array = np.exp(np.exp(log_power) * (logs - logs.max()))
         share: Array = size / size.sum()
         return share
 
-    def beyond(power: float) -> float:
-        return float(1.0 / (flattened(power) ** 2).sum()) - min(enough, 0.5 * len(logs))
+    def beyond(log_power: float) -> float:
+        return float(1.0 / (flattened(log_power) ** 2).sum()) - min(enough, 0.5 * len(logs))
 
-    return flattened(1.0 if beyond(1.0) >= 0.0 else float(brentq(beyond, 0.0, 1.0, xtol=1e-3)))
+    if beyond(0.0) >= 0.0:
+        return flattened(0.0), float(1.0 / (flattened(0.0) ** 2).sum())
+    counted = beyond(0.0) + min(enough, 0.5 * len(logs))
+    return flattened(float(brentq(beyond, FLATTEST, 0.0, xtol=1e-3))), counted
 
 
 def _positive(matrix: Array, size: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import halfnorm, kstest, truncnorm
 
-from polyworld.estimation.posterior import SamplingSettings, sample
+from polyworld.estimation.posterior import SamplingSettings, _weights, sample
 from tests.polyworld.estimation.linear_problem import LinearProblem, flat, shared_unknown
 
 COUNT = 1000
@@ -94,3 +94,13 @@ def test_a_minimum_in_the_corner_of_many_bounds_is_sampled() -> None:
     assert drawn.min() >= 0.0
     exact = truncnorm(0.5, np.inf, loc=-0.5)
     assert np.median(drawn.mean(axis=0)) == pytest.approx(exact.mean(), abs=0.15)
+
+
+def test_weights_are_flattened_until_enough_count_however_far_the_proposal_is() -> None:
+    """Else rounds would end after the second one, with draws as broad as the first proposal."""
+    logs = -1e6 * np.random.default_rng(5).random(500) ** 2
+    weights, counted = _weights(logs, 64.0)
+    assert counted < 3.0
+    assert 1.0 / (weights**2).sum() == pytest.approx(64.0, rel=0.01)
+    even, counted = _weights(np.zeros(500), 64.0)
+    assert (counted, even[0]) == pytest.approx((500.0, 0.002))
