@@ -145,33 +145,38 @@ def read_arguments(given: Mapping[str, Any], schemas: Mapping[str, Any], tool: s
 
 
 def split_pairs(words: list[str]) -> dict[str, Any]:
-    """key=value words, or one word that is a JSON object, as a mapping; raises ScriptError for a word without a key."""
-    if len(words) == 1 and words[0].startswith("{"):
+    """key=value words, or one word that is a JSON object or `@path` of one, as a mapping; raises ScriptError for a word
+    without a key."""
+    if len(words) == 1 and words[0].startswith(("{", "@")):
         try:
-            return dict(json.loads(words[0]))
-        except json.JSONDecodeError as error:
+            return dict(json.loads(_content(words[0], "arguments")).items())
+        except (json.JSONDecodeError, AttributeError) as error:
             raise ScriptError(f"the arguments are no JSON object: {error}") from error
     pairs: dict[str, Any] = {}
     for word in words:
         key, equals, value = word.partition("=")
         if not equals or not re.fullmatch(NAME, key):
-            raise ScriptError(f"{word!r} is not key=value; arguments may also be one JSON object")
+            raise ScriptError(f"{word!r} is not key=value; arguments may also be one JSON object, or @FILE of one")
         if key in pairs:
             raise ScriptError(f"{key!r} is given twice")
         pairs[key] = value
     return pairs
 
 
+def _content(text: str, key: str) -> str:
+    """Return the content of the file that a text beginning with @ names, or the text."""
+    if not text.startswith("@"):
+        return text
+    try:
+        return Path(text[1:]).expanduser().read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScriptError(f"{key}: cannot read the file {text[1:]!r}: {error}") from error
+
+
 def _read_value(value: Any, schema: Mapping[str, Any], key: str) -> Any:
     if not isinstance(value, str):
         return value
-    if value.startswith("@@"):
-        value = value[1:]
-    elif value.startswith("@"):
-        try:
-            value = Path(value[1:]).expanduser().read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ScriptError(f"{key}: cannot read the file {value[1:]!r}: {error}") from error
+    value = value[1:] if value.startswith("@@") else _content(value, key)
     forms = [schema, *schema.get("anyOf", [])]
     kinds = {form.get("type") for form in forms}
     if "string" in kinds and not kinds & {"object", "array", "number", "integer", "boolean"}:

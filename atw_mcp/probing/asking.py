@@ -128,6 +128,8 @@ def _measured(asked: Asked, ensemble: Ensemble, best: Rollout, world: World) -> 
         spread = spread.reshape(-1, 1)
     else:
         spread = with_model_error(values, np.array([_reach(q, ensemble, int(i)) for i in known]))
+        if q.ask == "where":  # errors take it no lower than it ever is in a member, as on a floor
+            spread[:, 2] = np.maximum(spread[:, 2], min(_lowest(ensemble.rollouts[int(i)], q.object) for i in known))
     widths = [np.ptp(np.percentile(sample[:, widest], (10, 90))) for sample in (values, spread)]
     part = float(widths[0] / max(widths[1], 1e-12)) ** 2
     found |= {"unit": UNITS[q.ask], "goes_with": [r.to_dict() for r in relations(parameters, values[:, widest], part)]}
@@ -170,6 +172,11 @@ def _state(q: Any, rollout: Rollout, world: World) -> Array:
 
 def _end(q: Any, rollout: Rollout) -> float:
     return float(rollout.trajectory.times[-1]) if q.at is None else float(q.at)
+
+
+def _lowest(rollout: Rollout, name: str) -> float:
+    trajectory = rollout.trajectory
+    return float(np.nanmin(trajectory.positions[:, trajectory.index(name), 2]))
 
 
 def _reach(q: Any, ensemble: Ensemble, member: int) -> Array:

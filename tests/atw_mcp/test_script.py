@@ -194,3 +194,14 @@ def test_arguments_may_be_one_json_object() -> None:
     assert caller.calls == [step.arguments, {"number": 2}]
     with pytest.raises(ScriptError, match="the arguments are no JSON object"):
         read_line('Echo {"text": ')
+
+
+def test_arguments_may_be_a_file_of_one_json_object(tmp_path: Path) -> None:
+    file = tmp_path / "a.json"
+    file.write_text('{"text": "a b", "number": 2}')
+    assert split_pairs([f"@{file}"]) == {"text": "a b", "number": 2}
+    file.write_text("[1, 2]")
+    with pytest.raises(ScriptError, match="the arguments are no JSON object"):
+        split_pairs([f"@{file}"])
+    with pytest.raises(ScriptError, match="cannot read the file"):
+        split_pairs([f"@{tmp_path / 'none.json'}"])

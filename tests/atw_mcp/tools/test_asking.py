@@ -297,3 +297,19 @@ def test_worlds_that_disagree_are_not_averaged(tmp_path: Path) -> None:
     assert torn["answer"].startswith("the worlds disagree")
     alone = [session.shown("Ask", case="slide", questions=[question], worlds=[w])["data"]["answers"] for w in drafts]
     assert [rows[0]["probability"] > 0.5 for rows in alone] == [False, True]
+
+
+def test_a_ball_is_nowhere_below_the_floor_that_it_bounces_on(tmp_path: Path) -> None:
+    session, path, radius = Session(tmp_path / "atw.db"), tmp_path / "drop.csv", 0.05
+    times = 0.02 * np.arange(18)
+    heights = 1.0 - 0.5 * 9.81 * times**2 + 0.0005 * np.random.default_rng(4).normal(size=len(times))
+    rows = [f"{t:.2f},ball,{0.5 * t:.6f},0,{z:.6f}" for t, z in zip(times, heights, strict=True)]
+    path.write_text("\n".join(["t,object,x,y,z", *rows]))
+    session("OpenCase", data=str(path), name="slide")
+    session("ImportObservation", case="slide", kind="tracks", path=str(path), position_sigma=0.0005)
+    session("BuildWorld", case="slide", default_shape={"kind": "sphere", "radius": radius}, floor=0.0)
+    fitted = session("FitWorld", case="slide", patience_seconds=300)
+    session("CommitWorld", case="slide", world=fitted["data"]["world"], even_if_poor=True)
+    (found,) = asked(session, {"ask": "where", "object": "ball", "at": 1.2})
+    assert found["place"]["z"]["95%"][0] > radius - 0.005
+    assert found["place"]["z"]["95%"][1] > radius + 0.1
