@@ -27,7 +27,6 @@ ABSENT = 3.0  # deviations below a bound to which the coordinate of what may be 
 RESISTANCE, AIR_DRAG = "resistance", "resistance_by_area"  # names of effects that a fit adds
 QUADRATIC = {"quadratic_damping", "quadratic_drag", "air_drag"}
 ALIKE = 2.0  # ratio of areas over mass up to which all bodies are damped alike
-PIN = 0.1  # radius of a hinge over the distance of what it holds: few are thicker
 AIR = 1.2  # [kg/m^3] density in which coefficients of drag are counted
 PLANE = "environment.motion_plane.friction"
 SKIDS = 0.5  # lever arm of rolling resistance, in radii, above friction's: no ball rolls up against it
@@ -153,7 +152,7 @@ def joint_resistance(world: World, path: str, settings: PriorSettings) -> Unknow
     mass = read_parameter(world, f"objects.{item.name}.mass") or 1.0
     arm = float(np.linalg.norm(np.subtract(joint.anchor, item.position))) if joint.kind == "hinge" else 1.0
     weight = mass * float(np.linalg.norm(world.environment.gravity))
-    rim = PIN * arm if joint.kind == "hinge" else 1.0
+    rim = settings.pin * arm if joint.kind == "hinge" else 1.0
     sd = settings.joint_friction * weight * rim if field == "friction" else settings.joint_damping * mass * arm**2
     return _absent(path, (path,), specification(world, path).unit, max(sd, 1e-9))
 

@@ -37,6 +37,7 @@ class PriorSettings:
     quadratic_damping: float = 0.1  # [1/m] half-normal: a ball of 4 cm in air has 0.15
     angular_damping: float = 0.15  # [1/s] half-normal
     joint_friction: float = 0.1  # of the weight held, half-normal: bearings and tracks are made to slide
+    pin: float = 0.1  # radius of a hinge over the distance of what it holds: few are thicker
     joint_damping: float = 0.15  # [1/s] half-normal
     ln_mass: float = 0.6  # wood against plastic against a hollow body; of masses that were not given
     ln_rolling: Gaussian = (-4.6, 1.0)  # 0.01 of the radius: steel on steel has 0.002, a soft ball on carpet 0.07

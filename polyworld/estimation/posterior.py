@@ -136,13 +136,13 @@ def _weights(logs: Array, enough: float) -> tuple[Array, float]:
         share: Array = size / size.sum()
         return share
 
-    def beyond(log_power: float) -> float:
-        return float(1.0 / (flattened(log_power) ** 2).sum()) - min(enough, 0.5 * len(logs))
+    def count(log_power: float) -> float:
+        return float(1.0 / (flattened(log_power) ** 2).sum())
 
-    if beyond(0.0) >= 0.0:
-        return flattened(0.0), float(1.0 / (flattened(0.0) ** 2).sum())
-    counted = beyond(0.0) + min(enough, 0.5 * len(logs))
-    return flattened(float(brentq(beyond, FLATTEST, 0.0, xtol=1e-3))), counted
+    least, counted = min(enough, 0.5 * len(logs)), count(0.0)
+    if counted >= least:
+        return flattened(0.0), counted
+    return flattened(float(brentq(lambda power: count(power) - least, FLATTEST, 0.0, xtol=1e-3))), counted
 
 
 def _positive(matrix: Array, size: Array) -> Array:

@@ -125,8 +125,9 @@ def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
             own_look, *looks = (features(cv2.blur(part, (3, 3)), scene.settings) for part in parts)
             spread = np.maximum(scene.settings.least_spread, np.sqrt(2) * scene.background.noise).astype(np.float32)
             apart = np.stack(looks) - own_look
-            alike = gauss(apart, spread).sum(axis=-1) > np.log(scene.settings.unknown)
-            if not isinstance(scene.bodies[i], Solid):
+            if isinstance(scene.bodies[i], Solid):
+                alike = gauss(apart, spread).sum(axis=-1) > np.log(scene.settings.unknown)
+            else:
                 alike = (np.abs(apart) < 3.0 * spread).all(axis=-1)
             standing = alike[:, filled(scene.bodies[i].polygon(pose), corner, size)].mean(axis=1) > 0.5
             covered[:, rows, columns] |= (alike | standing[:, None, None]) & mask
