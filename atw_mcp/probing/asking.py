@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 SHOWN_RELATIONS = 2  # in words: the strongest
 FINEST = 4  # decimal places shown
 APART = 0.5  # difference of probabilities from which candidate worlds are said to disagree
+SETTLED = 1e-4  # [m] fall between two samples up to which a body rests on something
 LIGHT = 0.1  # weight below which a candidate world is outside every 80% interval, whatever it answers
 LEVELS = {"80%": (10.0, 90.0), "95%": (2.5, 97.5)}
 UNITS = {"when": "s", "how_often": "times", "where": "m", "how_fast": "m/s", "how_far": "m"}
@@ -175,8 +176,12 @@ def _end(q: Any, rollout: Rollout) -> float:
 
 
 def _lowest(rollout: Rollout, name: str) -> float:
+    """Return the least height [m] that an object comes to where it lands on something; else minus infinity."""
     trajectory = rollout.trajectory
-    return float(np.nanmin(trajectory.positions[:, trajectory.index(name), 2]))
+    heights = trajectory.positions[:, trajectory.index(name), 2]
+    falls = np.diff(heights) < -SETTLED
+    landed = (np.maximum.accumulate(falls) & ~falls).any()
+    return float(np.nanmin(heights)) if landed else -np.inf
 
 
 def _reach(q: Any, ensemble: Ensemble, member: int) -> Array:

@@ -313,3 +313,7 @@ def test_a_ball_is_nowhere_below_the_floor_that_it_bounces_on(tmp_path: Path) ->
     (found,) = asked(session, {"ask": "where", "object": "ball", "at": 1.2})
     assert found["place"]["z"]["95%"][0] > radius - 0.005
     assert found["place"]["z"]["95%"][1] > radius + 0.1
+    (falling,) = asked(session, {"ask": "where", "object": "ball", "at": 0.42})  # before it lands; nothing later is run
+    low, high = falling["place"]["z"]["95%"]
+    middle = falling["place"]["z"]["median"]
+    assert middle - low == pytest.approx(high - middle, rel=0.2)
