@@ -1,10 +1,11 @@
 """Sample the posterior of a study: population Monte Carlo over shared unknowns, initial states eliminated by run.
 
 Initial states follow the shared unknowns, linearly and then by a Gauss-Newton step with the slopes of the minimum, and
-scatter by their own information; what is left is a density over a few constants that priors and bounds make anything
-but Gaussian: friction and damping lie in a valley, and what was never observed keeps its prior. Draws from a Student t
-distribution with the mean and covariance of the round before are weighted by the density over that of all rounds'
-proposals (Cappe et al. 2004, J. Comput. Graph. Stat. 13, 907; weights of Owen & Zhou 2000).
+scatter by their own information unless the measurements contradict where that leads; what is left is a density over a
+few constants that priors and bounds make anything but Gaussian: friction and damping lie in a valley, and what was
+never observed keeps its prior. Draws from a Student t distribution with the mean and covariance of the round before are
+weighted by the density over that of all rounds' proposals (Cappe et al. 2004, J. Comput. Graph. Stat. 13, 907; weights
+of Owen & Zhou 2000).
 """
 
 from __future__ import annotations
@@ -75,6 +76,7 @@ def sample(
     draws: list[Array] = [np.zeros((0, s))]
     targets: list[Array] = [np.zeros(0)]
     places: list[list[Array]] = [[] for _ in answers]
+    costs: list[Array] = [np.zeros((len(answers), 0))]
     proposals = []
     weights, counted = np.zeros(0), 0.0
     for turn in range(settings.most if s else 0):
@@ -91,8 +93,9 @@ def sample(
             continue
         proposals.append(proposal)
         draws.append(shared)
-        total, moved = _profiled(problem, found, answers, inverses, shared)
-        targets.append(-0.5 * total / variance)
+        least, moved = _profiled(problem, found, answers, inverses, shared)
+        costs.append(least)
+        targets.append(-0.5 * (problem.prior_costs(shared) + least.sum(axis=0)) / variance)
         for place, part in zip(places, moved, strict=True):
             place.append(part)
         every, target = np.concatenate(draws), np.concatenate(targets)
@@ -106,11 +109,19 @@ def sample(
         at = np.searchsorted(np.cumsum(weights), (np.arange(count) + rng.uniform()) / count)
         at = rng.permutation(np.minimum(at, len(weights) - 1))
     shared = np.concatenate(draws)[at] if s else np.zeros((count, 0))
+    if s:
+        first, least = [np.concatenate(place)[at] for place in places], np.concatenate(costs, axis=1)[:, at]
+    else:
+        first = [np.tile(np.concatenate(parts), (count, 1)) for parts in found.point.states]
+        least = np.array([total for total, _ in _costs(problem, found, shared, first)])
+    normals = [rng.standard_normal((count, width.shape[1])) for width in widths]
+    scattered = [own + z @ width.T for own, z, width in zip(first, normals, widths, strict=True)]
     states = []
-    for run, parts, place, width in zip(problem.runs, found.point.states, places, widths, strict=True):
-        first = np.concatenate(place)[at] if s else np.concatenate(parts)
-        scattered = first + rng.standard_normal((count, width.shape[1])) @ width.T
-        states.append(tuple(np.split(scattered, np.cumsum([b.states.count for b in run])[:-1], axis=1)))
+    for r, (true, _) in enumerate(_costs(problem, found, shared, scattered)):
+        expected = least[r] / variance + (normals[r] ** 2).sum(axis=1)
+        kept = np.log(rng.uniform(size=count)) < 0.5 * (expected - true / variance)
+        drawn = np.where(kept[:, None], scattered[r], first[r])
+        states.append(tuple(np.split(drawn, np.cumsum([b.states.count for b in problem.runs[r]])[:-1], axis=1)))
     return Posterior(shared, tuple(states), float(1.0 / (weights**2).sum()) if s else float(count))
 
 
@@ -155,19 +166,32 @@ def _positive(matrix: Array, size: Array) -> Array:
 def _profiled(
     problem: Problem, found: Minimum, answers: list[Array], inverses: list[Array], shared: Array
 ) -> tuple[Array, list[Array]]:
-    """Return chi-square (K,) at shared coordinates (K, S), initial states where they follow, and these (K, n) by run.
+    """Return chi-square (R, K) of each run at shared coordinates (K, S), initial states where they follow, and these
+    (K, n) by run.
 
     The step takes residuals where the states follow linearly, and slopes of the minimum.
     """
-    variance, huber, at = problem.scale**2, problem.settings.huber, found.point
+    at = found.point
     flat = [np.concatenate(own) + (shared - at.shared) @ a.T for own, a in zip(at.states, answers, strict=True)]
+    totals = []
+    for r, (total, gradient) in enumerate(_costs(problem, found, shared, flat)):
+        step = gradient @ inverses[r]
+        totals.append(total - (gradient * step).sum(axis=1))
+        flat[r] = flat[r] - step
+    return np.array(totals).reshape(len(flat), len(shared)), flat
+
+
+def _costs(problem: Problem, found: Minimum, shared: Array, flat: list[Array]) -> list[tuple[Array, Array]]:
+    """Return chi-square (K,) of each run at shared coordinates (K, S) and initial states (K, n) by run, and half its
+    gradient (K, n) with the slopes of the minimum."""
+    variance, huber = problem.scale**2, problem.settings.huber
     cuts = [np.cumsum([0, *(b.states.count for b in run)]) for run in problem.runs]
     states = [np.split(own, cut[1:-1], axis=1) for own, cut in zip(flat, cuts, strict=True)]
     settings = [(b, shared, states[r][i]) for r, run in enumerate(problem.runs) for i, b in enumerate(run)]
     evaluated = iter(zip(problem.evaluate(settings, 1.0), found.normal.slopes, strict=True))
-    total = np.zeros(len(shared))
+    costs = []
     for r, run in enumerate(problem.runs):
-        gradient = np.zeros_like(flat[r])
+        total, gradient = np.zeros(len(shared)), np.zeros_like(flat[r])
         for i, block in enumerate(run):
             own = slice(cuts[r][i], cuts[r][i + 1])
             one, slopes = next(evaluated)
@@ -182,7 +206,5 @@ def _profiled(
                 apart = variance * apart * huber_weights(apart, huber)
                 gradient[:, own] += apart @ slopes.end[2]
                 gradient[:, cuts[r][i + 1] : cuts[r][i + 2]] -= apart @ turn
-        step = gradient @ inverses[r]
-        total -= (gradient * step).sum(axis=1)
-        flat[r] = flat[r] - step
-    return problem.prior_costs(shared) + total, flat
+        costs.append((total, gradient))
+    return costs

@@ -70,12 +70,10 @@ class _Course:
 
 
 def supports(world: World, tracks: ObservedTracks) -> dict[str, Support]:
-    """Support of every tracked body of a spatial world that keeps its height over a fixed surface as its track begins.
+    """Support of every tracked body that keeps its height over a fixed surface as its track begins.
 
     Surfaces are planes and the faces of boxes that look upward. Bodies that a joint holds are left out.
     """
-    if world.planar or world.deformables:
-        return {}
     held = {name for joint in world.joints for name in (joint.object, joint.other)}
     frame, gravity = world.time.seconds_per_frame, world.environment.gravity
     states = initial_states(tracks, seconds_per_frame=frame, gravity=gravity)
@@ -219,7 +217,8 @@ def _on(course: _Course, static: str, at: Array, normal: Array) -> Support | Non
     orientation, reach, axis, rolls = lain
     heights, noise = (course.places - at) @ normal - reach, max(course.noise, EXACT)
     count = len(heights)
-    if abs(float(heights.mean())) > SETTINGS.close * reach + SETTINGS.sigmas * noise / np.sqrt(count):
+    off, slack = float(heights.mean()), SETTINGS.sigmas * noise / np.sqrt(count)
+    if off > SETTINGS.close * reach + slack or off < -reach - slack:  # it cannot be within: its plane of motion is off
         return None
     if count >= 3:
         spread = course.times - course.times.mean()

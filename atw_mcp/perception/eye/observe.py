@@ -65,7 +65,7 @@ def observe(
     for i, own in enumerate(held):
         if own:
             scene.learn_body(i, sorted(own), rough=True)
-    scene.background = learn_background(film, _at_seeds(scene, held) | _alike(scene))
+    scene.background = learn_background(film, _at_seeds(scene, held) | _alike(scene, held))
     scene.poses[:] = np.nan
     states = follow(scene, held)
     for _ in range(settings.rounds):
@@ -134,15 +134,24 @@ def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
     return covered
 
 
-def _alike(scene: Scene) -> NDArray[np.bool_]:
-    """Pixels (S, H, W) that change over the clip and have a body's colours, which are rare in the film.
+def _alike(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
+    """Pixels (S, H, W) that change over the clip, or lie where a seed shows a body, and have a body's colours, if these
+    are rare in the film.
 
-    A body that stands somewhere for most of the clip would else be the median there. Pixels that always do are left.
+    A body that stands somewhere for most of the clip would else be the median there. Others that always do are left.
     """
     s, film = scene.settings, scene.film
     frames = film.sample
     covered = np.zeros(frames.shape[:3], bool)
-    rows, columns = np.nonzero((frames.max(axis=0) - frames.min(axis=0)).max(axis=-1) > 2 * s.dark_level)
+    seeded = np.zeros(frames.shape[1:3], bool)
+    for i, own in enumerate(held):
+        for pose in own.values():
+            corner, size = scene.window(i, pose, 3.0)
+            if min(size) > 1:
+                part = np.s_[corner[1] : corner[1] + size[1], corner[0] : corner[0] + size[0]]
+                seeded[part] |= _mask(scene, i, pose, corner, size)
+    changes = (frames.max(axis=0) - frames.min(axis=0)).max(axis=-1) > 2 * s.dark_level
+    rows, columns = np.nonzero(changes | seeded)
     usual = features(frames[:: max(1, len(frames) // 4)].reshape(-1, 3)[::97].astype(np.float32), s)
     film_colours = learn_colours(usual, np.zeros((len(usual), 2)), s)
     if film_colours is None or not len(rows):
@@ -158,7 +167,7 @@ def _alike(scene: Scene) -> NDArray[np.bool_]:
             rare |= colours.log_density(values) - film_colours.log_density(values) > s.rare
     table[shown] = rare
     alike = table[levels]
-    alike[:, alike.all(axis=0)] = False
+    alike[:, alike.all(axis=0) & ~seeded[rows, columns]] = False
     covered[:, rows, columns] = alike
     return covered
 

@@ -14,7 +14,7 @@ from atw_mcp.perception.eye.settings import EyeSettings
 
 NORMALS = 24  # of a silhouette; those of a small one are no independent edges, and weigh less
 BIN, BINS = 0.02, 100  # [feature] of the histogram of steps
-SIDE = 4  # places along each axis that share a silhouette: a radius
+SIDE = 4  # places along each axis that share a silhouette: a radius, within which they are one
 
 
 class Silhouettes:
@@ -106,7 +106,7 @@ class Silhouettes:
         apart = (steps - np.stack([dark, 0 * dark, 0 * dark], axis=-1)) / np.stack(spread, axis=-1)
         own = odds[_bins(steps)]
         own = np.where(own > 0, own * (1 - np.exp(-0.5 * (apart**2).sum(axis=-1))), own)
-        return np.asarray(s.support / NORMALS * weights * own.sum(axis=1) - np.log(len(self._places)))
+        return np.asarray(s.support / NORMALS * weights * own.sum(axis=1) - np.log(len(self._places) / SIDE**2))
 
 
 def _steps(look: Array, pairs: Floats) -> Array:

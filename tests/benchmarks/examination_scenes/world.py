@@ -184,11 +184,11 @@ def soft_xml(soft: Soft, looks: dict[str, str]) -> str:
     """Return the elements of a rope or a cloth."""
     look = looks.get(soft.name, "")
     if soft.name == "cloth":
-        count, spacing = 9, soft.length / 8
+        count, spacing = 13, soft.length / 12
         centre = (soft.top[0], soft.top[1], soft.top[2] - soft.length / 2)
         return (
             f'<flexcomp name="cloth" type="grid" dim="2" count="{count} {count} 1" spacing="{row([spacing] * 3)}" '
-            f'pos="{row(centre)}" euler="90 0 90" mass="{soft.mass}" radius="0.008" {look}>'
+            f'pos="{row(centre)}" quat=".5 .5 .5 .5" mass="{soft.mass}" radius="0.008" {look}>'
             f'<edge equality="true" damping="0.02"/><pin gridrange="0 {count - 1} {count - 1} {count - 1}"/>'
             f'<contact selfcollide="none" condim="3" friction="0.3 0 0" solref="{FIRM}" contype="2" '
             'conaffinity="2"/></flexcomp>'

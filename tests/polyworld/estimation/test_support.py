@@ -8,7 +8,7 @@ import pytest
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.support import supports, with_supports
-from polyworld.solver.rollout import rollout
+from polyworld.solver.rollout import rollout, simulator
 from polyworld.world import Environment, MotionPlane, StaticObject, World, geometry
 from polyworld.world.representations.joint import Hinge
 from polyworld.world.representations.rigid import RigidObject
@@ -71,6 +71,20 @@ def test_a_body_at_rest_stays_at_rest(seed: int) -> None:
     found = rollout(world, 2.0).trajectory
     assert found.positions[-1] == pytest.approx(found.positions[0], abs=1e-4)
     assert found.positions[-1, :, :2] == pytest.approx(np.array([[0.0, 0.0], [1.0, 0.0]]), abs=0.005)
+
+
+def test_a_ball_seen_within_the_floor_of_a_side_view_stays_on_it() -> None:
+    """It rolls nearer to the camera than the plane of motion, and nothing shows how fast it is along the vertical."""
+    path = still(z=0.7 * RADIUS) + 0.3 * frames(COUNT)[:, None] * [1.0, 0.0, 0.0]
+    tracks = tracks_of({"ball": path}, seed=1)
+    side = MotionPlane(normal=(0.0, -1.0, 0.0))
+    environment = Environment(gravity=(0.0, 0.0, -GRAVITY), motion_plane=side)
+    flat = ball().model_copy(update={"representation": "rigid_planar"})
+    start = scene([flat], tracks, environment=environment)
+    found = fit(of_one(start, tracks), FitOptions(members=32))
+    later = simulator(found.runs[0].start, np.array([0.0, 1.0]), n_worlds=32).run(found.runs[0].sample)
+    assert later.positions[:, 1, 0, 2] == pytest.approx(np.full(32, RADIUS), abs=1e-3)
+    assert np.abs(later.positions[:, 1, 0, 0] - 0.3).max() < 0.1
 
 
 def test_what_flies_falls_or_hovers_is_not_supported() -> None:

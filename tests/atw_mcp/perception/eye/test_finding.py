@@ -10,6 +10,8 @@ from matplotlib.colors import CSS4_COLORS, to_rgb
 from atw_mcp.perception.eye import EyeSettings, Solid
 from atw_mcp.perception.eye.colour_names import log_look, log_name
 from atw_mcp.perception.eye.finding import find_solids
+from atw_mcp.perception.eye.observe import observe
+from atw_mcp.perception.eye.seeds import Seed
 from polyworld.world.camera import Camera
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 300.0
@@ -137,6 +139,20 @@ def test_grey_ball_at_rest_on_a_grey_ground_is_found_by_its_silhouette_and_not_i
     assert np.linalg.norm(np.asarray(found.seed.value, dtype=float).mean(axis=0) - true) < 2.0
     assert found.on_plane
     assert not len(found.others)
+
+
+def test_shaded_ball_at_rest_is_followed_from_the_one_frame_in_which_it_has_moved_a_little() -> None:
+    ball = Solid("ball", "sphere", BALL, camera())
+    x = np.r_[np.zeros(14), 0.07]
+    whole = silhouettes(ball, x, 0 * x + 0.3)
+    middles = [p.mean(axis=0) for p in whole]
+    smaller = [
+        [m + s * (p - m) - [s, 2 - 2 * s] for p, m in zip(whole, middles, strict=True)] for s in np.arange(1, 0, -0.1)
+    ]
+    frames = film([(p, (20.0, 25.0 + 15 * k, 20.0)) for k, p in enumerate(smaller)])
+    (track,), _ = observe(frames, [ball], [Seed("ball", "outline", 14, whole[14])])
+    true = [ball.centre(np.array([a, 0.3, 0.0, 0.0])) for a in x]
+    assert np.linalg.norm(track.centres - true, axis=1).max() < 1.5  # px, of a radius of 17
 
 
 def test_one_of_two_like_balls_is_not_chosen_but_both_are_offered() -> None:
