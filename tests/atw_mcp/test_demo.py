@@ -63,6 +63,7 @@ def test_demo_ends_with_the_command_that_shows_what_happened(demo: tuple[str, Pa
 
 
 @pytest.mark.usefixtures("server_here")
+@pytest.mark.benchmark  # as long as the demo itself; tools that give the same again have quick tests
 def test_demo_can_be_run_again_on_its_store_and_says_the_same(demo: tuple[str, Path], folder: Path) -> None:
     def findings(text: str) -> str:
         return text[text.index("distance to the truth") : text.index("Answers")]
