@@ -47,7 +47,8 @@ def app(tmp_path_factory: pytest.TempPathFactory, truth: dict[str, Any]) -> Iter
     """The clip observed, calibrated with its true camera and built into a world; not fitted."""
     app = App(tmp_path_factory.mktemp("store") / "atw.db")
     opening.open_case(app, video=str(FOLDER / "collision.mp4"), name=CASE)
-    done(observation.observe_objects(app, CASE))
+    expected = ["red cylinder", "blue cube", "yellow cylinder", "green cube"]  # as the demo asks
+    done(observation.observe_objects(app, CASE, expected=expected))
     camera = {key: truth["camera"][key] for key in ("intrinsics", "rotation", "translation")}
     measurement.calibrate_camera(app, CASE, camera=measurement.CameraArgument.model_validate(camera))
     done(construction.build_world_tool(app, CASE, seconds_per_frame=truth["seconds_per_frame"]))
