@@ -129,7 +129,6 @@ class RigidSimulator(ABC):
         all_names = self.names + tuple(s.name for s in self.world.statics)
         self._log = ContactLog(n_worlds, self.names, all_names, record=record_events, capacity=episodes)
         self._build(model)
-        self._allocate()
 
     def slowest_part(self) -> str:
         """See `polyworld.solver.rollout.Simulator`."""
@@ -363,11 +362,7 @@ class RigidSimulator(ABC):
 
     @abstractmethod
     def _build(self, model: Model) -> None:
-        """Lay the model out."""
-
-    @abstractmethod
-    def _allocate(self) -> None:
-        """Make the buffers."""
+        """Lay the model out and make the buffers."""
 
     @abstractmethod
     def _kernel(self) -> Any:

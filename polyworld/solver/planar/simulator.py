@@ -101,6 +101,7 @@ class PlanarSimulator(RigidSimulator):
         )
         self._described = np.array([o.orientation for o in world.objects]).reshape(1, -1, 4)
         self._joints = build_joints(world)
+        self._allocate()
 
     def roll(
         self,

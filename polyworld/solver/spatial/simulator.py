@@ -44,6 +44,7 @@ class SpatialSimulator(RigidSimulator):
         self._state: Any
         self._joints: Joints
         self._samples: Any
+        self._allocate()
 
     def _allocate(self) -> None:
         w, n = self.n_worlds, len(self.names)
