@@ -84,8 +84,8 @@ def _meant(app: App, case: Case, name: str, known: Sequence[str]) -> str | None:
         for bound in (binding.object, binding.track):
             if bound in known:
                 return str(bound)
-    alike = [own for own in known if _plain(own) == _plain(name)]  # "Red cylinder" for red_cylinder
-    return alike[0] if len(alike) == 1 else None
+    equal = [own for own in known if _plain(own) == _plain(name)]  # "Red cylinder" for red_cylinder
+    return equal[0] if len(equal) == 1 else None
 
 
 def _plain(name: str) -> str:

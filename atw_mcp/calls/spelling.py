@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-NEAR = 0.65  # how alike words must be to be meant: delete is not release
+NEAR = 0.65  # ratio of matching letters from which a word is meant: delete is not release
 MEANT = {
     **dict.fromkeys(("touch", "touches", "hit", "hits", "collide", "contact"), "collides"),
     **dict.fromkeys(("delete", "erase"), "remove"),

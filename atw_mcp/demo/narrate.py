@@ -208,11 +208,11 @@ def _write_pictures(reply: Reply, folder: Path, name: str) -> str:
     """Write the pictures of a reply as PNG files, those of the first one's size on one sheet; returns their paths."""
     read = [cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR) for _, content in reply.pictures]
     images = [np.asarray(image, dtype=np.uint8) for image in read if image is not None]
-    alike = [image for image in images if image.shape == images[0].shape]
+    equal = [image for image in images if image.shape == images[0].shape]
     others = [image for image in images if image.shape != images[0].shape]
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    for number, sheet in enumerate([contact_sheet(alike, columns=2), *others], 1):
+    for number, sheet in enumerate([contact_sheet(equal, columns=2), *others], 1):
         path = folder / (f"{name}.png" if number == 1 else f"{name}-{number}.png")
         done, file = cv2.imencode(".png", sheet)
         if not done:

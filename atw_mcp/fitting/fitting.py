@@ -253,7 +253,6 @@ def digest(run: FitRun, index: int) -> dict[str, Any]:
             if v["from_prior"]
         ],
         "rolling": found.rolling,
-        "ways": found.others,
         "slack": list(case.run.slack),
         "effective": found.effective,
         "rollouts": found.rollouts,

@@ -17,12 +17,12 @@ TURNED = 0.1  # [rad]; smaller rotation errors are never doubted
 OVERSTATED = 3.0  # times the error of a fit from which the stated noise is doubted; chance explains no such factor
 SLACK = 2.0  # standard deviations of a link beyond which a collision is not what its bodies' restitution says
 ROWS = 8  # rows of `undetermined` shown
-LATEST = 20  # cases of the store that are considered for a common study
+LATEST = 20  # cases of a store that are considered for a common study: each is read, however large the store grows
 CONTACTS = (
     "a contact's friction and restitution are the geometric mean of the two objects' values; 'friction of NAME' is "
     "that against the surface, and a pair of bodies has the product of theirs over the friction of the surface"
 )
-WAYS = {
+ROLLING = {
     "slides": "bodies start without rolling",
     "rolls": "what can roll rolls from the start",
     "skids": "what can roll slides and never rolls up",

@@ -219,7 +219,7 @@ def _look_alikes(known: tuple[Known, ...], found: tuple[str, ...]) -> Iterator[s
         small, large = sorted((sizes[one.name], sizes[two.name]))
         if one.colour == two.colour and large < ALIKE * small:
             yield (
-                f"{one.name} and {two.name} are alike in colour and size, so that either may be the other: give a "
+                f"{one.name} and {two.name} have the same colour and size, so that either may be the other: give a "
                 "pixel on one of them"
             )
 

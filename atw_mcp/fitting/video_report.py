@@ -9,7 +9,7 @@ from atw_mcp.calls.app import App
 from atw_mcp.calls.results import Answer
 from atw_mcp.calls.steps import Step, StepFailed, Steps
 from atw_mcp.fitting.errors import ObjectError
-from atw_mcp.fitting.reading import CONTACTS, WAYS, sharing
+from atw_mcp.fitting.reading import CONTACTS, ROLLING, sharing
 from atw_mcp.observation.matching import Matching
 from atw_mcp.observation.observing import chosen_image_observation, track_record
 from atw_mcp.perception.known_scene import OFF_PLANE
@@ -61,7 +61,7 @@ def fit_report(app: App, case: Case, fitted: Step, steps: Steps, model: VideoMod
         "errors": [error.to_dict() for error in model.errors],
         "representation": _kind(app, case, world),
         "other": _other(app, case, model),
-        "rolling": WAYS[fitted.data["rolling"]],
+        "rolling": ROLLING[fitted.data["rolling"]],
         "values": [{name: value[name] for name in VALUE} for value in fitted.data["values"]],
         "contacts": CONTACTS,
         "prediction": fitted.data["prediction"],

@@ -112,8 +112,8 @@ def experiment_text(experiment: dict[str, Any] | None) -> str:
     )
     least = min(item["sigmas"] for item in experiment["separations"])
     if least < SAME_MOTION:
-        alike = [x for x in experiment["separations"] if x["sigmas"] < SAME_MOTION]
-        pairs = "; ".join(f"{' + '.join(x['first'])} from {' + '.join(x['second'])}" for x in alike)
+        close = [x for x in experiment["separations"] if x["sigmas"] < SAME_MOTION]
+        pairs = "; ".join(f"{' + '.join(x['first'])} from {' + '.join(x['second'])}" for x in close)
         return f"No start of one object was found to distinguish {pairs}: they move these objects in the same way"
     head = "To decide" if experiment["decides"] else "The best experiment found, which may not decide"
     expected = "; ".join(f"{_number(value)} if {name}" for name, value in experiment["forecasts"].items())

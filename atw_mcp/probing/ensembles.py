@@ -53,7 +53,7 @@ class Lineage:
 
 @dataclass(frozen=True)
 class Ensemble:
-    """The members of a world rolled out alike.
+    """The members of a world rolled out with the same edits.
 
     parameters: name -> values (N,): constants as fitted, and what of a single object was sampled, after any edit.
     wrong: probability that the fitted world, whose parameters alone the members vary, answers as chance would; why:

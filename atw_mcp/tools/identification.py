@@ -25,7 +25,7 @@ from atw_mcp.fitting.fitting import (
 )
 from atw_mcp.fitting.reading import (
     CONTACTS,
-    WAYS,
+    ROLLING,
     doubts,
     lower_draft,
     next_step,
@@ -275,7 +275,7 @@ def _fit_answer(
             for value in document["values"]
         ],
         "contacts": CONTACTS,
-        "rolling": WAYS[document["rolling"]],
+        "rolling": ROLLING[document["rolling"]],
         "slack": document["slack"],
         "undetermined": rows,
         "undetermined_whole": None

@@ -366,7 +366,7 @@ def _body(
         shape=shape,
         appearance=Appearance(
             color=given.color or (seen.color if seen else None),
-            material=given.material,  # what looks alike need not rub alike: fits tie constants by it
+            material=given.material,  # the same look may rub differently: fits tie constants by it
         ),
         position=(x, y, z),
         **values,

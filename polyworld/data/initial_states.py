@@ -139,7 +139,7 @@ def _initial_state(tracks: ObservedTracks, column: int, step: float, gravity: Ar
         path = np.array([(points[:count] * mean_weight).sum(axis=0) / mean_weight.sum(), np.zeros(3)])
         position_sd = noise / np.sqrt(mean_weight.sum())
         velocity = np.zeros(3)
-    if tracks.position_spread is not None:  # a distance from a camera errs for the whole stretch alike
+    if tracks.position_spread is not None:  # a distance from a camera has one error for the whole stretch
         away, receding = _spread(times[:count], tracks.position_spread[rows[:count], column])
         position_sd, velocity_sd = np.hypot(position_sd, away), np.hypot(velocity_sd, receding)
     turn = _initial_rotation(tracks, column, int(rows[0]), int(rows[count - 1]), step)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -126,30 +124,6 @@ def parse_reading(
         tuple(columns[1]),
         tuple(columns[2]),
     )
-
-
-def recording_to_csv(recording: Recording) -> str:
-    """Return the recording as CSV text that `parse_recording` reads back exactly.
-
-    Rows in which nothing was measured are left out, and so are sigma, symmetry and lead, which the format has not.
-    """
-    turned = any(np.isfinite(run.orientations).any() for run in recording.runs)
-    spun = any(np.isfinite(run.angular_velocities).any() for run in recording.runs)
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow([*LABELS, "t", *PLACE, *(TURN if turned else ()), *(SPIN if spun else ())])
-    for run in recording.runs:
-        for column, name in enumerate(run.names):
-            for row, time in enumerate(run.times):
-                turn = run.orientations[row, column]
-                turn = turn if np.all(np.isfinite(turn)) else np.full(4, np.nan)
-                parts = [run.positions[row, column]]
-                parts += [turn] if turned else []
-                parts += [run.angular_velocities[row, column]] if spun else []
-                values = np.concatenate(parts)
-                if np.isfinite(values).any():
-                    writer.writerow([run.name, name, repr(float(time)), *(_text(v) for v in values)])
-    return out.getvalue()
 
 
 def _default_object(header: Header, objects: Sequence[str]) -> str:
@@ -293,7 +267,3 @@ def _run(
     stated = values[..., _AT[SIGMA]]
     sigma = float(np.nanmedian(stated)) if np.isfinite(stated).any() else None
     return Run(name, names, times, positions, orientations, sigma, angular_velocities=spin, arms=tuple(arms))
-
-
-def _text(value: float) -> str:
-    return repr(float(value)) if np.isfinite(value) else ""

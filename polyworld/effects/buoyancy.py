@@ -55,5 +55,5 @@ def ways(found: Conditions) -> list[Way]:
 
 ABSENCE = Absence(
     ways,
-    signature="all that falls falls too slowly, alike at all speeds",
+    signature="all that falls falls too slowly, by the same factor at all speeds",
 )

@@ -45,7 +45,7 @@ LAW = EffectLaw(
 
 EXPONENTS = (-2.0, -1.0)  # to begin with
 FALLING = -0.2  # largest exponent: forces that do not fall with the distance are springs, or uniform
-STEEPEST = 2.0  # powers beside the inverse square that are ordinary: from a line's field to a dipole's
+ORDINARY_POWERS = 2.0  # powers beside the inverse square that are ordinary: from a line's field to a dipole's
 
 
 def ways(found: Conditions) -> list[Way]:
@@ -54,7 +54,7 @@ def ways(found: Conditions) -> list[Way]:
     apart, softening = 2.0 * found.spread, 0.02 * found.spread
     free = {
         "strength": FreeParameter(found.force * max(apart, apart**2)),
-        "exponent": FreeParameter(0.5, upper=FALLING, plausible=STEEPEST, idle=True),
+        "exponent": FreeParameter(0.5, upper=FALLING, plausible=ORDINARY_POWERS, idle=True),
     } | somewhere(found, found.axes, "centre_")
     starts = [
         {"exponent": power} | coordinates("centre_", place, found.axes)

@@ -69,5 +69,5 @@ def _frequencies(found: Conditions) -> list[float]:
 
 ABSENCE = Absence(
     ways,
-    signature="residual acceleration that swings with time, alike wherever the body is",
+    signature="residual acceleration that swings with time, the same wherever the body is",
 )

@@ -44,6 +44,6 @@ def ways(found: Conditions) -> list[Way]:
 ABSENCE = Absence(
     ways,
     effect="tilt",
-    signature="residual in one direction that grows as the square of the time, alike in all runs",
+    signature="residual in one direction that grows as the square of the time, the same in all runs",
     plain=True,
 )

@@ -172,5 +172,5 @@ def _free_damping(model: Any, root: int, name: str, notes: list[str]) -> float:
     if armature:
         notes.append(f"{name}: the armature {armature:g} of its free joint is left out")
     if damping:
-        notes.append(f"{name}: the damping of its free joint acts at its centre of mass, and alike about all axes")
+        notes.append(f"{name}: the damping of its free joint acts at its centre of mass, and equally about all axes")
     return damping

@@ -5,8 +5,8 @@ pieces complete, `map` in the pieces' order, and `results` collects them or rais
 ran a piece, beside how many others and after which, does not change its result: draw random numbers by
 `piece_seed(seed, key)`.
 
-Whole cases and fits are worth a process: a piece costs about 1 ms locally and 50 ms by Dask
-(`tests.benchmarks.executor_scaling`). Within a case the gap search uses none: of 13 to 18 s of CPU of a one-ball case
+Whole cases and fits are worth a process: a piece costs about 1 ms locally and 50 ms by Dask.
+Within a case the gap search uses none: of 13 to 18 s of CPU of a one-ball case
 at most 3 s are fits that do not wait for each other. Nor do populations of coupled worlds, whose kernels share the
 cores by threads (16 ropes: 0.6 s of CPU by threads or by processes) and meet after every generation.
 """

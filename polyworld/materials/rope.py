@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 # Angle that a segment may span on a drum [rad]: the polygon then lies within 1.2% of the radius of the circle.
 TURN = 0.3
 TIGHT = 0.01  # strain from which on it is hardly meant: strings and cables are tightened by less
-STEEPEST = 1.5  # half an angle between links that counts [rad]: a fold has no finite curvature
+FOLDED = 1.5  # half an angle between links that counts [rad]: a fold has no finite curvature
 
 PARAMETERS = {
     "linear_density": ParameterSpec("kg/m", 1e-6, 1e5, (0.01, 1.0), "mass per rest length"),
@@ -116,7 +116,7 @@ def _stored(world: World, rope: Rope, mesh: DeformableMesh) -> float:
     if rope.bending_stiffness > 0.0 and not rope.curved_at_rest:
         unit = links / lengths[:, None]
         half = 0.5 * np.arccos(np.clip((unit[1:] * unit[:-1]).sum(axis=1), -1.0, 1.0))
-        total += 2.0 * rope.bending_stiffness / cell * float((np.tan(np.minimum(half, STEEPEST)) ** 2).sum())
+        total += 2.0 * rope.bending_stiffness / cell * float((np.tan(np.minimum(half, FOLDED)) ** 2).sum())
     return float(total)
 
 

@@ -85,7 +85,7 @@ def threading(world: World, rope: Rope) -> Threading:
     length = rope.length
     if length is None:  # of the chain itself, which cuts the corners: it begins without tension
         length = total if pulleys else float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum())
-    # A stretched rope is stretched everywhere alike; a slack one lies full length on its wheels.
+    # A stretched rope is stretched uniformly; a slack one lies full length on its wheels.
     stretch = max(total / length, 1.0) if pulleys else 1.0
     on_wheels = hidden / stretch
     segment_length = (length - float(on_wheels.sum())) / rope.segments

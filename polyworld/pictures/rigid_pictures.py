@@ -77,7 +77,7 @@ def form(shape: Shape, position: Array, rotation: Array, eye: Array) -> Surface 
     corners = _corners(shape) @ rotation.T + position
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     behind = ((corners[:, 0] - eye) * normals).sum(axis=1) > 0.0
-    if isinstance(shape, TriangleMesh):  # both sides of a face look alike
+    if isinstance(shape, TriangleMesh):  # both sides of a face look the same
         corners[behind], normals[behind] = corners[behind, ::-1], -normals[behind]
     else:  # faces turned away are never seen, and from inside a body the others are not
         corners, normals = corners[~behind], normals[~behind]

@@ -1,4 +1,4 @@
-"""Roll out the members of an ensemble: one world with parameter values that are equally probable, edited alike."""
+"""Roll out the members of an ensemble: one world with equally probable parameter values and the same edits."""
 
 from __future__ import annotations
 

@@ -109,33 +109,6 @@ def physical_times(
     return times
 
 
-def sampling_times(
-    stamps: Array, parameters: Mapping[str, Array], observer: Observer | None = None, run: str | None = None
-) -> Array:
-    """Instants (T,) at which to sample a batch so that `observe` can report it at `stamps`; by the observer's clock.
-
-    They are what a simulator takes whose seconds_per_frame is multiplied by `clock_ratio`; arguments as for `observe`.
-    Where no stamp is displaced they are the stamps. Else the stamps are continued by MARGIN intervals between frames
-    (or a multiple of that, as far as any world needs), likewise before the first as far as time 0 allows, and gaps
-    between them are filled: a displacement by a whole number of equal intervals then falls on samples. The same few
-    lists of instants come again while displacements change, so that simulators can be kept.
-    """
-    stamps = np.asarray(stamps, dtype=float)
-    value = _Values(parameters, observer)
-    displaced = physical_times(stamps, parameters, observer, run) * value["clock"][:, None] - stamps[None]
-    if len(stamps) < 2 or not np.any(np.abs(displaced) > 1e-12):
-        return stamps
-    interval = float(np.median(np.diff(stamps)))
-    # Trials of a fit beyond the bounds of reason are not simulated further than the run is long, and go on straight.
-    furthest = min(float(np.nanmax(np.abs(displaced))) / interval, float(len(stamps)))
-    steps = interval * np.arange(1, MARGIN * max(1, int(np.ceil(furthest / MARGIN - 1e-9))) + 1)
-    gaps = np.flatnonzero(np.diff(stamps) > 1.5 * interval)
-    inside = [np.arange(stamps[k] + interval, stamps[k + 1] - 0.5 * interval, interval) for k in gaps]
-    before = stamps[0] - steps
-    first = [0.0] if stamps[0] > 0.5 * interval else []
-    return np.unique(np.concatenate([before[before > 0.5 * interval], first, stamps, stamps[-1] + steps, *inside]))
-
-
 def observe(
     positions: Array,
     orientations: Array,

@@ -14,7 +14,7 @@ Ints = NDArray[np.int64]
 def turn_about(simulated: Array, observed: Array, normal: Array, order: Ints) -> Array:
     """Angle (W, m) [rad] about `normal` from observed, (m, 4) or (W, m, 4), to simulated (W, m, 4), symmetry folded in.
 
-    order (m,): rotations by 2 pi / order look alike; order >= 1.
+    order (m,): rotations by 2 pi / order are indistinguishable; order >= 1.
     """
     # Twist of q_sim * conj(q_obs) about the normal (swing-twist decomposition); both parts are linear in
     # q_sim, so no full quaternion product is needed.
@@ -43,10 +43,10 @@ def rotation_between(later: Array, earlier: Array, order: int) -> Array:
 
 
 def smallest_rotation(simulated: Array, observed: Array, order: Ints) -> Array:
-    """Rotation vectors (W, m, 3) [rad] from observed (m, 4) to simulated (W, m, 4), the smallest that look alike.
+    """Smallest equivalent rotation vectors (W, m, 3) [rad] from observed (m, 4) to simulated (W, m, 4).
 
-    order (m,): n turns about the body's z axis look alike; 0: every turn does, and only the tilt of that axis
-    is compared.
+    order (m,): n turns about the body's z axis are equivalent; 0: every turn is, and only the tilt
+    of that axis is compared.
     """
     result = np.empty((*simulated.shape[:2], 3))
     for n in np.unique(order):
@@ -56,9 +56,9 @@ def smallest_rotation(simulated: Array, observed: Array, order: Ints) -> Array:
             result[:, chosen] = tilt_between(own, observed[chosen])
             continue
         turns = np.arange(n) * (2.0 * np.pi / n)
-        alike = geometry.rotation_quaternion(np.stack([0 * turns, 0 * turns, turns], axis=-1))
+        equivalent = geometry.rotation_quaternion(np.stack([0 * turns, 0 * turns, turns], axis=-1))
         candidates = np.stack(
-            [rotation_vector(own, geometry.quaternion_product(observed[chosen], turn)) for turn in alike]
+            [rotation_vector(own, geometry.quaternion_product(observed[chosen], turn)) for turn in equivalent]
         )
         size = np.linalg.norm(candidates, axis=-1)
         best = np.argmin(np.where(np.isnan(size), np.inf, size), axis=0)

@@ -6,7 +6,6 @@ import logging
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -14,8 +13,9 @@ import pytest
 from atw_mcp import server_process
 from atw_mcp.calls import result_schemas
 from atw_mcp.calls.files import VARIABLE
-from atw_mcp.server import build_server
-from tests.atw_mcp.session import Session
+from atw_mcp.tools import observation
+from tests.atw_mcp.observed_once import shared
+from tests.atw_mcp.session import Session, server_in_this_process
 from tests.real_data import FOLDER
 
 # Files of tests lie where pytest makes them, and measured data beside the repository.
@@ -28,12 +28,22 @@ def session(tmp_path: Path) -> Session:
     return Session(tmp_path / "atw.db")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def observed_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Share observations of the tools among all tests, over the workers of a run too."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "observed"
+    folder.mkdir(exist_ok=True)
+    with pytest.MonkeyPatch.context() as replaced:
+        for function in (observation.observe, observation.observe_known):
+            replaced.setattr(observation, function.__name__, shared(function, folder))
+        yield
+
+
 @pytest.fixture
 def server_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the client's own server run in this process: another one needs seconds to start."""
-    monkeypatch.setattr(
-        server_process, "started", lambda store, allow=(): nullcontext(build_server(store, allow=allow))
-    )
+    monkeypatch.setattr(server_process, "started", server_in_this_process)
 
 
 @pytest.fixture(autouse=True)

@@ -9,13 +9,16 @@ from pathlib import Path
 import cv2
 import pytest
 
+from atw_mcp import server_process
 from atw_mcp.cli import _parser, main
+from tests.atw_mcp.session import server_in_this_process
 
 
 def printed(folder: Path, *options: str, which: str = "collision") -> str:
     """What `atw-mcp demo` prints."""
     with pytest.MonkeyPatch.context() as replaced, (folder / "out.txt").open("w") as out:
         replaced.setattr("sys.stdout", out)
+        replaced.setattr(server_process, "started", server_in_this_process)
         assert main(["demo", which, "--output", str(folder / "pictures"), *options]) == 0
     return (folder / "out.txt").read_text()
 
@@ -62,7 +65,7 @@ def test_demo_ends_with_the_command_that_shows_what_happened(demo: tuple[str, Pa
     assert _parser().parse_args(words[words.index("view") :]).case == "demo-1"
 
 
-@pytest.mark.usefixtures("server_here")
+@pytest.mark.benchmark  # as long as the demo itself; tools that give the same again have quick tests
 def test_demo_can_be_run_again_on_its_store_and_says_the_same(demo: tuple[str, Path], folder: Path) -> None:
     def findings(text: str) -> str:
         return text[text.index("distance to the truth") : text.index("Answers")]
@@ -72,7 +75,6 @@ def test_demo_can_be_run_again_on_its_store_and_says_the_same(demo: tuple[str, P
     assert findings(again) == findings(demo[0])
 
 
-@pytest.mark.usefixtures("server_here")
 @pytest.mark.benchmark  # a minute; the search for laws through the tools has quick tests of its own
 def test_demo_of_the_gap_names_what_is_hidden_and_predicts_a_run_that_was_not_filmed(tmp_path: Path) -> None:
     text = printed(tmp_path, which="gap")

@@ -24,8 +24,6 @@ from polyworld.world.shapes import Box, Cylinder, Sphere
 
 SECONDS_PER_FRAME = 0.028
 HALF_SIZE = 0.2
-# Annotations are exact to 1e-4 m; the model is not. This is what a fit to them treats as one unit of error.
-MODEL_TOLERANCE = 0.01
 # Four steps a frame: contacts are found between steps, so that finer ones change the path by millimetres.
 SUBSTEP = SECONDS_PER_FRAME / 4
 SHAPES: dict[str, Box | Cylinder | Sphere] = {

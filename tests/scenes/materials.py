@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 G = 9.81
 AIR = 1.2  # density [kg/m^3]
+TAU = 0.01  # [s] of the strain rate, in bodies that ring
 SURVEY = 100  # frames of the body at rest, before it is let go, whose mean is the first sample
 FORCES = ("gravity_error", "tilt", "linear_drag", "quadratic_drag")
 MATERIALS = ("material_damping", "air_drag", "bending_stiffness", "stretch_stiffness")
@@ -200,106 +201,113 @@ def hung(depth: Array, moved: Array, x: float) -> Array:
     return places
 
 
-def soft_case(rng: np.random.Generator, truth: str | None) -> Case:
-    """A block of gelatine, 0.4 m long, that hangs from its top and rings along its length."""
-    length, density, modulus, tau = 0.4, 1000.0, 8e4, 0.01
-    value = {
-        "stretch_stiffness": modulus * float(rng.uniform(1.4, 1.8)),
-        "material_damping": float(rng.uniform(0.03, 0.05)),
-        None: 0.0,
-    }[truth]
-    speed = np.sqrt((value if truth == "stretch_stiffness" else modulus) / density)
-    times = np.arange(31) / 60.0
-    world = scene(
-        deformables=[
-            {
-                "name": "block",
-                "representation": "soft_planar",
-                "shape": {"kind": "box", "half_extents": [0.05, 0.05, length / 2]},
-                "position": [0, 0, -length / 2],
-                "thickness": 0.1,
-                "resolution": 0.1,
-                "density": density,
-                "youngs_modulus": modulus,
-                "poisson_ratio": 0.0,
-                "damping": tau,
-            }
-        ],
-        attachments=[{"name": "held", "object": "block", "region": slab(0.0)}],
-        environment={"motion_plane": {"normal": [0, -1, 0], "supports": False}, "gravity": [0, 0, -G]},
-    )
-    used = value if truth == "material_damping" else tau
+def ringing_case(
+    rng: np.random.Generator,
+    truth: str | None,
+    *,
+    name: str,
+    code: str,
+    stiffness: float,
+    density: float,
+    length: float,
+    times: Array,
+    parts: dict[str, Any],
+    x: float,
+    markers: Sequence[float],
+) -> Case:
+    """A body that hangs from its top and rings along its length.
 
-    def paths(depth: Array) -> Array:
-        return hung(depth, ringing(depth, times, length=length, speed=speed, tau=used), 0.0)
-
-    return Case(
-        f"soft block, {truth or 'nothing'}",
-        truth,
-        value,
-        frozenset({truth or ""}),
-        "closed form: waves along a bar",
-        world,
-        ("block#0", "block#1", "block#2"),
-        times,
-        paths(np.array([0.2, 0.3, 0.4])),
-        paths(np.array([0.1, 0.25, 0.35])),
-        (*MATERIALS, *FORCES),
-        0.001,
-    )
-
-
-def strip_case(rng: np.random.Generator, truth: str | None) -> Case:
-    """A rubber sheet of 6 x 6 squares that hangs from one edge and rings along its length."""
-    length, density, stiffness, tau = 0.6, 1.0, 60.0, 0.01
+    stiffness over density: squared speed of its waves. parts: of its world, where its damping takes TAU. x [m] of the
+    markers; their depths [m]: three that are seen and three that are sealed.
+    """
     value = {
         "stretch_stiffness": stiffness * float(rng.uniform(1.4, 1.8)),
         "material_damping": float(rng.uniform(0.03, 0.05)),
         None: 0.0,
     }[truth]
     speed = np.sqrt((value if truth == "stretch_stiffness" else stiffness) / density)
-    times = np.arange(37) / 60.0
-    world = scene(
-        deformables=[
-            {
-                "name": "sheet",
-                "representation": "cloth",
-                "geometry": {
-                    "kind": "sheet",
-                    "corner": (0, 0, 0),
-                    "edge_u": (0.6, 0, 0),
-                    "edge_v": (0, 0, -length),
-                    "divisions": (6, 6),
-                },
-                "areal_density": density,
-                "stretch_stiffness": stiffness,
-                "poisson_ratio": 0.0,
-                "stretch_damping": tau,
-                "drag_normal": 0.0,
-                "drag_tangential": 0.0,
-                "self_contact": False,
-            }
-        ],
-        attachments=[{"name": "held", "object": "sheet", "region": slab(0.0)}],
-    )
-    used = value if truth == "material_damping" else tau
-
-    def paths(depth: Array) -> Array:
-        return hung(depth, ringing(depth, times, length=length, speed=speed, tau=used), 0.3)
-
+    depth = np.array(markers)
+    moved = ringing(depth, times, length=length, speed=speed, tau=value if truth == "material_damping" else TAU)
+    paths = hung(depth, moved, x)
+    body = parts["deformables"][0]["name"]
     return Case(
-        f"hanging sheet, {truth or 'nothing'}",
+        f"{name}, {truth or 'nothing'}",
         truth,
         value,
         frozenset({truth or ""}),
-        "closed form: waves along a strip",
-        world,
-        ("sheet#0", "sheet#1", "sheet#2"),
+        f"closed form: {code}",
+        scene(attachments=[{"name": "held", "object": body, "region": slab(0.0)}], **parts),
+        tuple(f"{body}#{k}" for k in range(3)),
         times,
-        paths(np.array([0.3, 0.4, 0.6])),
-        paths(np.array([0.2, 0.35, 0.5])),
+        paths[:, :3],
+        paths[:, 3:],
         (*MATERIALS, *FORCES),
         0.001,
+    )
+
+
+def soft_case(rng: np.random.Generator, truth: str | None) -> Case:
+    """A block of gelatine, 0.4 m long."""
+    length, density, modulus = 0.4, 1000.0, 8e4
+    block = {
+        "name": "block",
+        "representation": "soft_planar",
+        "shape": {"kind": "box", "half_extents": [0.05, 0.05, length / 2]},
+        "position": [0, 0, -length / 2],
+        "thickness": 0.1,
+        "resolution": 0.1,
+        "density": density,
+        "youngs_modulus": modulus,
+        "poisson_ratio": 0.0,
+        "damping": TAU,
+    }
+    return ringing_case(
+        rng,
+        truth,
+        name="soft block",
+        code="waves along a bar",
+        stiffness=modulus,
+        density=density,
+        length=length,
+        times=np.arange(31) / 60.0,
+        parts={
+            "deformables": [block],
+            "environment": {"motion_plane": {"normal": [0, -1, 0], "supports": False}, "gravity": [0, 0, -G]},
+        },
+        x=0.0,
+        markers=(0.2, 0.3, 0.4, 0.1, 0.25, 0.35),
+    )
+
+
+def sheet(corner: Sequence[float], edge_u: Sequence[float], edge_v: Sequence[float], **more: Any) -> dict[str, Any]:
+    """A sheet of 6 x 6 squares."""
+    geometry = {"kind": "sheet", "corner": corner, "edge_u": edge_u, "edge_v": edge_v, "divisions": (6, 6)}
+    return {"name": "sheet", "representation": "cloth", "geometry": geometry, "self_contact": False, **more}
+
+
+def strip_case(rng: np.random.Generator, truth: str | None) -> Case:
+    """A rubber sheet."""
+    length, density, stiffness = 0.6, 1.0, 60.0
+    rubber = {
+        "areal_density": density,
+        "stretch_stiffness": stiffness,
+        "poisson_ratio": 0.0,
+        "stretch_damping": TAU,
+        "drag_normal": 0.0,
+        "drag_tangential": 0.0,
+    }
+    return ringing_case(
+        rng,
+        truth,
+        name="hanging sheet",
+        code="waves along a strip",
+        stiffness=stiffness,
+        density=density,
+        length=length,
+        times=np.arange(37) / 60.0,
+        parts={"deformables": [sheet((0, 0, 0), (0.6, 0, 0), (0, 0, -length), **rubber)]},
+        x=0.3,
+        markers=(0.3, 0.4, 0.6, 0.2, 0.35, 0.5),
     )
 
 
@@ -311,26 +319,10 @@ def falling_case(rng: np.random.Generator, truth: str | None) -> Case:
     density, air, told = 0.1, AIR, 0.6
     value = {"air_drag": told * float(rng.uniform(1.8, 2.6)), None: told}[truth]
     terminal = np.sqrt(2.0 * density * G / (air * value))
+    cloth = {"areal_density": density, "stretch_stiffness": 200.0, "drag_normal": told, "drag_tangential": 0.02}
     times = np.arange(31) / 30.0
     world = scene(
-        deformables=[
-            {
-                "name": "sheet",
-                "representation": "cloth",
-                "geometry": {
-                    "kind": "sheet",
-                    "corner": (-0.3, -0.3, 0),
-                    "edge_u": (0.6, 0, 0),
-                    "edge_v": (0, 0.6, 0),
-                    "divisions": (6, 6),
-                },
-                "areal_density": density,
-                "stretch_stiffness": 200.0,
-                "drag_normal": told,
-                "drag_tangential": 0.02,
-                "self_contact": False,
-            }
-        ],
+        deformables=[sheet((-0.3, -0.3, 0), (0.6, 0, 0), (0, 0.6, 0), **cloth)],
         environment={"gravity": [0, 0, -G], "air_density": air},
     )
     drop = terminal**2 / G * np.log(np.cosh(G * times / terminal))
@@ -377,28 +369,17 @@ def swinging_case(rng: np.random.Generator, truth: str | None) -> Case:
     times = np.arange(31) / 30.0
     nodes = replace(SHEET, **{field: actual}).swing(angle, times)
     end = SHEET.length * np.array([np.sin(angle), -np.cos(angle)])
+    cloth = {
+        "areal_density": SHEET.density / width,
+        "stretch_stiffness": SHEET.stretch / width,
+        "poisson_ratio": 0.0,
+        "stretch_damping": SHEET.tau,
+        "bending_stiffness": SHEET.bending / width,
+        "drag_normal": 1.0,
+        "drag_tangential": 0.0,
+    }
     world = scene(
-        deformables=[
-            {
-                "name": "sheet",
-                "representation": "cloth",
-                "geometry": {
-                    "kind": "sheet",
-                    "corner": (0, -width / 2, 0),
-                    "edge_u": (0, width, 0),
-                    "edge_v": (end[0], 0, end[1]),
-                    "divisions": (6, SHEET.links),
-                },
-                "areal_density": SHEET.density / width,
-                "stretch_stiffness": SHEET.stretch / width,
-                "poisson_ratio": 0.0,
-                "stretch_damping": SHEET.tau,
-                "bending_stiffness": SHEET.bending / width,
-                "drag_normal": 1.0,
-                "drag_tangential": 0.0,
-                "self_contact": False,
-            }
-        ],
+        deformables=[sheet((0, -width / 2, 0), (0, width, 0), (end[0], 0, end[1]), **cloth)],
         attachments=[
             {
                 "name": "held",

@@ -1,4 +1,4 @@
-"""Two cylinders, two balls and two cubes sliding and colliding on a plane, for this engine and for MuJoCo."""
+"""Two cylinders, two balls and two cubes sliding and colliding on a plane."""
 
 from __future__ import annotations
 
@@ -51,28 +51,3 @@ def six_body_world(*, planar: bool) -> World:
         environment=Environment(motion_plane=MotionPlane(friction=FRICTION)),
         time=TimeBase(seconds_per_frame=0.04, frame_count=int(DURATION / 0.04), substep=SUBSTEP),
     )
-
-
-def six_body_mjcf() -> str:
-    """The same scene as MuJoCo XML: equal shapes, masses, friction, gravity and step.
-
-    MuJoCo has no coefficient of restitution: its contacts are left at their default, nearly inelastic damping.
-    """
-    sizes = {"sphere": f"{RADIUS}", "cylinder": f"{RADIUS} {RADIUS}", "box": f"{RADIUS} {RADIUS} {RADIUS}"}
-    bodies = "\n".join(
-        f'<body name="{name}" pos="{x} {y} {RADIUS}"><freejoint/>'
-        f'<geom type="{kind}" size="{sizes[kind]}" mass="{MASS}" friction="{FRICTION} 0 0"/></body>'
-        for name, kind, (x, y), _ in BODIES
-    )
-    return f"""<mujoco>
-<option timestep="{SUBSTEP}" gravity="0 0 -9.81" cone="elliptic"/>
-<worldbody>
-<geom name="floor" type="plane" size="10 10 0.1" friction="{FRICTION} 0 0"/>
-{bodies}
-</worldbody>
-</mujoco>"""
-
-
-def initial_velocities() -> list[tuple[float, float]]:
-    """Velocities of the bodies in the plane, in the order of `BODIES` [m/s]."""
-    return [velocity for *_, velocity in BODIES]

@@ -85,24 +85,3 @@ def folded_share(points: Array, mesh: DeformableMesh) -> Array:
     for i, places in enumerate(flattened):
         share[i] = float(np.any(far & (cdist(places, places, "sqeuclidean") < limit), axis=1).mean())
     return share.reshape(leading)
-
-
-def area_stretch(points: Array, mesh: DeformableMesh) -> Array:
-    """Largest principal stretch (..., t) in the surface of each triangle, against its shape at the start."""
-    triangles = mesh.triangles.astype(np.int64)
-    a, b, c = (mesh.nodes[triangles[:, i]] for i in range(3))
-    first = b - a
-    length = np.linalg.norm(first, axis=1)
-    along = first / length[:, None]
-    second = c - a
-    x = (second * along).sum(axis=1)
-    y = np.linalg.norm(second - x[:, None] * along, axis=1)
-    # Rest edges as columns of an upper triangular matrix, inverted by hand.
-    edges = np.stack([points[..., triangles[:, i], :] - points[..., triangles[:, 0], :] for i in (1, 2)], axis=-1)
-    inverse = np.zeros((len(triangles), 2, 2))
-    inverse[:, 0, 0], inverse[:, 0, 1], inverse[:, 1, 1] = 1.0 / length, -x / (length * y), 1.0 / y
-    gradient = edges @ inverse
-    gram = np.swapaxes(gradient, -1, -2) @ gradient
-    half, product = 0.5 * np.trace(gram, axis1=-2, axis2=-1), np.linalg.det(gram)
-    largest: Array = np.sqrt(half + np.sqrt(np.maximum(half**2 - product, 0.0)))
-    return largest

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 def substance(world: World, item: Deformable, mesh: DeformableMesh, count: int) -> Array:
     """Length, area or volume (count,) that each point of an object stands for.
 
-    Particles that an emitter makes are like those that were there at first, or fill a cell alike.
+    Particles that an emitter makes are like those that were there at first, or fill a cell evenly.
     """
     measure = mesh.measure
     if len(measure) >= count:

@@ -106,16 +106,6 @@ def silhouette(points: Array, mesh: DeformableMesh, camera: Camera) -> Bools:
     return np.kron(covered, np.ones((block, block), dtype=bool))[: camera.height, : camera.width]
 
 
-def intersection_over_union(a: Array, b: Array) -> Array:
-    """Overlap (...) of two coverages (..., rows, columns), 0..1: sum of minima over sum of maxima (Ruzicka); NaN
-    where both are empty."""
-    union = np.maximum(a, b).sum(axis=(-2, -1), dtype=float)
-    shared = np.minimum(a, b).sum(axis=(-2, -1), dtype=float)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        overlap: Array = np.where(union > 0.0, shared / union, np.nan)
-    return overlap
-
-
 def _soft_discs(at: Array, radius: Array, height: int, width: int) -> Array:
     """Union (f, height, width) of discs about points at (f, s, 2), in cells, of radius (f, s).
 

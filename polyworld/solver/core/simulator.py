@@ -128,6 +128,7 @@ class RigidSimulator(ABC):
         self._outcomes = (self._diverged_object, self._diverged_time, self._overflowed)
         all_names = self.names + tuple(s.name for s in self.world.statics)
         self._log = ContactLog(n_worlds, self.names, all_names, record=record_events, capacity=episodes)
+        self._build(model)
 
     def slowest_part(self) -> str:
         """See `polyworld.solver.rollout.Simulator`."""
@@ -358,6 +359,10 @@ class RigidSimulator(ABC):
         """
         self._steps.values[...] = 0
         self._steps.push()
+
+    @abstractmethod
+    def _build(self, model: Model) -> None:
+        """Lay the model out and make the buffers."""
 
     @abstractmethod
     def _kernel(self) -> Any:

@@ -1,6 +1,6 @@
 """Ropes, cloth and soft bodies in a liquid: what they give to the grid and take from it.
 
-Soft bodies share the grid's momentum and pressure: where they touch liquid both move alike. Ropes and sheets are
+Soft bodies share the grid's momentum and pressure: where they touch liquid both move together. Ropes and sheets are
 thinner than a cell: they exchange momentum by drag, which for a sheet stops all flow across it, and the pressure
 gradient lifts their volume. Every exchange is pairwise: what nodes gain, the liquid loses.
 """

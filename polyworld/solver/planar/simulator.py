@@ -15,7 +15,6 @@ from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.effect_contacts import contact_laws
 from polyworld.solver.core.effect_forces import forces_among
 from polyworld.solver.core.references import by_reference
-from polyworld.solver.core.saved_state import SavedState
 from polyworld.solver.core.simulator import Batch, RigidSimulator
 from polyworld.solver.planar.kernels import roll_out
 from polyworld.solver.planar.plane_motion import PlaneMotion
@@ -89,26 +88,7 @@ class PlanarSimulator(RigidSimulator):
     the run starts the body, overrides included; it makes no events.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        sample_times: Array,
-        *,
-        n_worlds: int = 1,
-        record_events: bool = False,
-        threads: int | None = None,
-        episodes: int | None = None,
-        start: SavedState | None = None,
-    ) -> None:
-        super().__init__(
-            model,
-            sample_times,
-            n_worlds=n_worlds,
-            record_events=record_events,
-            threads=threads,
-            episodes=episodes,
-            start=start,
-        )
+    def _build(self, model: Model) -> None:
         self._scene, self._static_poses = build_scene(model)
         world, self._axes = model.world, model.plane_axes
         rotations = [geometry.quaternion_matrix(np.asarray(o.orientation)) for o in world.objects]

@@ -62,7 +62,7 @@ def gathered(values: wp.array2d[wp.vec3d], w: int, nodes: wp.array2d[wp.int32], 
 
 @wp.func
 def common_slopes(c: Corners) -> wp.mat33d:
-    """Rows 1, 2, 3: what the derivatives by coordinates 1, 2, 3, less that by 0, have alike at all points."""
+    """Rows 1, 2, 3: what the derivatives by coordinates 1, 2, 3, less that by 0, have in common at all points."""
     s0 = FAR * (c.a0 + c.m01 + c.m02 + c.m03) - c.a0
     s1 = FAR * (c.m01 + c.a1 + c.m12 + c.m13) - c.a1
     s2 = FAR * (c.m02 + c.m12 + c.a2 + c.m23) - c.a2

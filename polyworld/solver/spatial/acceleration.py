@@ -1,8 +1,8 @@
 """Anderson's acceleration of the sweeps of a contact solver.
 
 A sweep maps impulses to better ones. The next starts from the mixture of what the last sweeps ended with for which
-their changes, mixed alike, are least (Anderson 1965, J. ACM 12, 547; Walker & Ni 2011, SIAM J. Numer. Anal. 49, 1715);
-it makes the impulses admissible. Velocities are linear in impulses, so that both are mixed alike.
+their changes, mixed by the same weights, are least (Anderson 1965, J. ACM 12, 547; Walker & Ni 2011, SIAM J. Numer.
+Anal. 49, 1715); it makes the impulses admissible. Velocities are linear in impulses, so that one mixture serves both.
 """
 
 import warp as wp

@@ -14,7 +14,6 @@ from polyworld.model import Model
 from polyworld.model.arrays import RigidArrays
 from polyworld.solver.core.episodes import Log
 from polyworld.solver.core.references import by_reference
-from polyworld.solver.core.saved_state import SavedState
 from polyworld.solver.core.simulator import Batch, RigidSimulator
 from polyworld.solver.core.time_table import Schedule
 from polyworld.solver.spatial import layout
@@ -39,28 +38,9 @@ Array = NDArray[np.float64]
 class SpatialSimulator(RigidSimulator):
     """See `RigidSimulator`."""
 
-    def __init__(
-        self,
-        model: Model,
-        sample_times: Array,
-        *,
-        n_worlds: int = 1,
-        record_events: bool = False,
-        threads: int | None = None,
-        episodes: int | None = None,
-        start: SavedState | None = None,
-    ) -> None:
-        super().__init__(
-            model,
-            sample_times,
-            n_worlds=n_worlds,
-            record_events=record_events,
-            threads=threads,
-            episodes=episodes,
-            start=start,
-        )
+    def _build(self, model: Model) -> None:
         self._geometry, self._trees = build_geometry(model)
-        self._parameters = ParameterBuffers(self.world, n_worlds)
+        self._parameters = ParameterBuffers(self.world, self.n_worlds)
         self._state: Any
         self._joints: Joints
         self._samples: Any

@@ -14,7 +14,6 @@ from tests.atw_mcp.clips import write_film
 
 Image = NDArray[np.float32]
 WIDTH, HEIGHT = 240, 160
-SUBPIXEL = 8
 
 
 @dataclass(frozen=True)

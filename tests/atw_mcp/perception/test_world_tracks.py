@@ -13,14 +13,14 @@ import pytest
 from atw_mcp.perception.calibration import calibrate_from_known_length
 from atw_mcp.perception.import_images import import_camera
 from atw_mcp.perception.import_tracks import import_tracks
-from atw_mcp.perception.observation import ImageObservation, ObservationError
+from atw_mcp.perception.observation import ObservationError
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.silhouettes import Stage, outline_distance
 from atw_mcp.perception.tracks import estimate_sizes, world_tracks
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
-from polyworld.world.shapes import Box, Sphere
+from polyworld.world.shapes import Sphere
 from tests.atw_mcp.perception.clips import HEIGHT, WIDTH, Disc, render
 
 ROOT = Path(__file__).parents[3]
@@ -96,79 +96,17 @@ def test_bouncing_ball_from_the_side_is_measured_in_metres(tmp_path: Path) -> No
     assert np.abs(error).max() < 0.012
     assert np.allclose(tracks.positions[:, 0, 1], 0, atol=1e-9)
     assert np.all(tracks.confidence[:, 0] > 0.5)
-
-
-@pytest.fixture(scope="module")
-def demo() -> tuple[ImageObservation, dict[str, Any]]:
-    if not (DEMO / "collision.mp4").exists():
-        pytest.skip("the demonstration clip is not in this checkout")
-    return observe(DEMO / "collision.mp4"), json.loads((DEMO / "collision.json").read_text())
+    other = calibrate_from_known_length((0, 0), (10, 0), 1.0, (100, 100)).camera
+    with pytest.raises(ObservationError, match=f"{WIDTH} x {HEIGHT}"):
+        world_tracks(observation, other, seconds_per_frame=0.1)
+    with pytest.raises(ObservationError, match="unknown object 'ball'"):
+        world_tracks(observation, camera, {"ball": solid}, plane, seconds_per_frame=0.1)
 
 
 def by_position(tracks: ObservedTracks, truth: np.ndarray) -> list[int]:
     """For each track the true object nearest to it."""
     distance = np.linalg.norm(tracks.positions[:, :, None, :2] - truth[:, None, :, :2], axis=-1)
     return [int(j) for j in np.nanargmin(np.nanmedian(distance, axis=0), axis=1)]
-
-
-def test_render_of_an_independent_simulator_is_measured_to_millimetres(
-    demo: tuple[ImageObservation, dict[str, Any]],
-) -> None:
-    observation, truth = demo
-    camera = Camera.model_validate(truth["camera"])
-    assert {f"{o.colour.name}_{o.shape.name}" for o in observation.objects} == set(truth["names"])
-    sizes = estimate_sizes(observation, camera)
-    tracks = world_tracks(
-        observation, camera, {n: e.solid for n, e in sizes.items()}, seconds_per_frame=truth["seconds_per_frame"]
-    )
-    positions, orientations = np.array(truth["positions"]), np.array(truth["orientations"])
-    nearest = by_position(tracks, positions)
-    assert sorted(nearest) == [0, 1, 2, 3]
-    for k, j in enumerate(nearest):
-        name = truth["names"][j]
-        shape = truth["objects"][name]["shape"]
-        solid = sizes[tracks.names[k]].solid
-        assert solid.kind == shape["kind"]
-        if isinstance(solid, Box):
-            assert solid.half_extents[0] == pytest.approx(shape["half_extents"][0], rel=0.02)
-            yaw = 2 * np.arctan2(orientations[:, j, 3], orientations[:, j, 0])
-            seen = tracks.orientation_confidence[:, k] > 0.3
-            assert np.median(quarter_turn_error(tracks.orientations[seen, k], yaw[seen])) < 1.5
-        error = np.linalg.norm(tracks.positions[:, k, :2] - positions[:, j, :2], axis=1)
-        seen = tracks.confidence[:, k] > 0
-        assert seen.mean() > 0.95
-        assert np.median(error[seen]) < 0.004, name
-        assert error[seen].max() < 0.015, name
-        # Stated accuracy is neither boast nor alarm.
-        assert 0.1 < np.median(error[seen] / tracks.position_sigma[seen, k]) < 3, name
-
-
-def test_masks_of_an_independent_renderer_have_its_areas_and_centroids(
-    demo: tuple[ImageObservation, dict[str, Any]],
-) -> None:
-    observation, truth = demo
-    for item in observation.objects:
-        drawn = np.array([frame[f"{item.colour.name}_{item.shape.name}"] for frame in truth["masks"]])
-        whole = np.array([status == "visible" for status in item.status])
-        assert whole.sum() > 10
-        np.testing.assert_allclose(item.area[whole], drawn[whole, 0], rtol=0.06)
-        assert np.linalg.norm(item.centroid - drawn[:, 1:], axis=1)[whole].max() < 1.5
-
-
-def test_camera_of_another_image_size_and_unknown_objects_are_refused(
-    demo: tuple[ImageObservation, dict[str, Any]],
-) -> None:
-    observation, truth = demo
-    other = calibrate_from_known_length((0, 0), (10, 0), 1.0, (100, 100)).camera
-    with pytest.raises(ObservationError, match="480 x 320"):
-        world_tracks(observation, other, seconds_per_frame=0.1)
-    with pytest.raises(ObservationError, match="unknown object 'ball'"):
-        world_tracks(
-            observation,
-            Camera.model_validate(truth["camera"]),
-            {"ball": Sphere(radius=0.1)},
-            seconds_per_frame=0.1,
-        )
 
 
 @pytest.mark.benchmark  # the default run models the same video in fitting/test_model_video.py

@@ -11,7 +11,7 @@ same world alone, or where it outlasts SECONDS.
 from __future__ import annotations
 
 import argparse
-import multiprocessing
+import faulthandler
 import threading
 import time
 import traceback
@@ -19,7 +19,6 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +26,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from polyworld.core.interruption import Interrupted, Interruption
 from polyworld.edits.interventions import Intervention, branch
+from polyworld.executors import Failure, LocalExecutor
 from polyworld.solver.rollout import rollout, sampled_times, simulator
 from polyworld.trajectory import Trajectory
 from polyworld.world import World
@@ -38,6 +38,7 @@ SECONDS = 30.0  # after which a world is stopped
 GRACE = 10.0  # [s] more, after which its process is ended
 STARTING = 90.0  # [s] for the first world of a process, which may compile kernels
 VARIANTS = 3
+WARM: set[str] = set()  # kinds whose kernels this process has
 SPECIFIC = 30  # characters of a reason that says something
 EDITS: TypeAdapter[Intervention] = TypeAdapter(Intervention)
 Array = NDArray[np.float64]
@@ -54,7 +55,7 @@ class Outcome:
     seconds: float = 0.0
 
 
-class Failure(Exception):
+class WrongError(Exception):
     """Something that must not be."""
 
 
@@ -93,7 +94,7 @@ def run(seed: int, limit: float) -> Outcome:
             outcome, detail = examine(made, Draw(seed + 1_000_003))
     except Interrupted:
         outcome, detail = "FAILED", f"not done after {limit:g} s"
-    except Failure as error:
+    except WrongError as error:
         outcome, detail = "FAILED", str(error)
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
@@ -103,7 +104,7 @@ def run(seed: int, limit: float) -> Outcome:
 
 
 def examine(made: Fuzz, draw: Draw) -> tuple[str, str]:
-    """Return the outcome of a world, and a word on it; raises Failure."""
+    """Return the outcome of a world, and a word on it; raises WrongError."""
     try:
         world = World.model_validate(made.parts)
         world = branch(world, [EDITS.validate_python(edit) for edit in made.edits])
@@ -125,19 +126,19 @@ def examine(made: Fuzz, draw: Draw) -> tuple[str, str]:
 
 
 def check(world: World, trajectory: Trajectory, made: Fuzz) -> None:
-    """Raise Failure where a completed trajectory cannot be true."""
+    """Raise WrongError where a completed trajectory cannot be true."""
     wrong = not_finite(world, trajectory)
     if wrong is not None:
-        raise Failure(f"completed, but {wrong} are not finite")
+        raise WrongError(f"completed, but {wrong} are not finite")
     excess = energy_excess(world, trajectory, overlaps=made.overlaps)
     if not excess <= 1.0:
         fastest = float(np.nanmax(np.linalg.norm(trajectory.velocities, axis=-1)))
-        raise Failure(f"completed with {excess:.3g} times the energy there can be; up to {fastest:.3g} m/s")
+        raise WrongError(f"completed with {excess:.3g} times the energy there can be; up to {fastest:.3g} m/s")
 
 
 def _refused(reason: str) -> tuple[str, str]:
     if len(reason) < SPECIFIC:
-        raise Failure(f"refused without a reason: {reason!r}")
+        raise WrongError(f"refused without a reason: {reason!r}")
     return "refused", reason
 
 
@@ -162,16 +163,16 @@ def _batch(world: World, made: Fuzz, draw: Draw) -> tuple[str, str]:
     except (ValueError, RuntimeError) as error:
         if len(errors) == VARIANTS and isinstance(error, ValueError):
             return _refused(str(error))
-        raise Failure(f"a batch was lost, {VARIANTS - len(errors)} of {VARIANTS} run alone: {error}") from error
+        raise WrongError(f"a batch was lost, {VARIANTS - len(errors)} of {VARIANTS} run alone: {error}") from error
     outcomes = Counter[str]()
     for i, single in enumerate(alone):
         if single is None:
-            raise Failure(f"variant {i} runs in the batch and not alone: {errors[0]}")
+            raise WrongError(f"variant {i} runs in the batch and not alone: {errors[0]}")
         for name in ("positions", "orientations", "velocities", "angular_velocities", "diverged"):
             if not np.array_equal(getattr(batch, name)[i], getattr(single, name)[0], equal_nan=True):
-                raise Failure(f"{name} of variant {i} of {list(values)} differ from those of the world alone")
+                raise WrongError(f"{name} of variant {i} of {list(values)} differ from those of the world alone")
         if batch.events[i] != single.events[0]:
-            raise Failure(f"events of variant {i} of {list(values)} differ from those of the world alone")
+            raise WrongError(f"events of variant {i} of {list(values)} differ from those of the world alone")
         if batch.diverged[i]:
             outcomes["diverged"] += 1
             continue
@@ -212,75 +213,29 @@ def stopped_after(seconds: float) -> Iterator[None]:
         timer.cancel()
 
 
+def run_alone(seed: int) -> Outcome:
+    """As `run`, in a worker: the first worlds of one compile kernels, and a world that hangs ends its process."""
+    limit = STARTING - GRACE
+    faulthandler.dump_traceback_later(limit + GRACE, exit=True)
+    try:
+        outcome = run(seed, limit if fuzz_kind(seed) not in WARM else SECONDS)
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+    WARM.add(outcome.kind)
+    return outcome
+
+
 def _in_processes(seeds: list[int], processes: int) -> list[Outcome]:
     """Run seeds in processes of their own, so that one that dies or hangs loses one world only."""
-    todo, found, guard = iter(seeds), [], threading.Lock()
-
-    def work() -> None:
-        worker = _Worker()
-        while True:
-            with guard:
-                seed = next(todo, None)
-            if seed is None:
-                worker.end()
-                return
-            outcome = worker.run(seed)
-            with guard:
-                found.append(outcome)
-                if outcome.outcome == "FAILED":
-                    print(f"seed {outcome.seed} ({outcome.kind}): {outcome.detail}", flush=True)
-
-    threads = [threading.Thread(target=work) for _ in range(processes)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    found = []
+    with LocalExecutor(processes) as executor:
+        for key, result in executor.run(run_alone, {str(seed): seed for seed in seeds}):
+            if isinstance(result, Failure):
+                result = Outcome(int(key), fuzz_kind(int(key)), "FAILED", result.error)
+            found.append(result)
+            if result.outcome == "FAILED":
+                print(f"seed {result.seed} ({result.kind}): {result.detail}", flush=True)
     return found
-
-
-class _Worker:
-    """A process that runs one world after the other, replaced where it dies."""
-
-    def __init__(self) -> None:
-        self._context = multiprocessing.get_context("spawn")
-        self._begin()
-
-    def _begin(self) -> None:
-        self._pipe, theirs = self._context.Pipe()
-        self._process = self._context.Process(target=_serve, args=(theirs,), daemon=True)
-        self._process.start()
-        theirs.close()
-
-    def run(self, seed: int) -> Outcome:
-        """Return what became of a world."""
-        self._pipe.send(seed)
-        try:
-            if self._pipe.poll(STARTING):
-                outcome: Outcome = self._pipe.recv()
-                return outcome
-            detail = f"did not stop within {STARTING:g} s"
-        except EOFError:
-            self._process.join(GRACE)
-            detail = f"the process died with status {self._process.exitcode}"
-        self._process.kill()
-        self._begin()
-        return Outcome(seed, fuzz_kind(seed), "FAILED", detail)
-
-    def end(self) -> None:
-        """Let the process end."""
-        self._pipe.send(None)
-        self._process.join(GRACE)
-
-
-def _serve(pipe: Connection) -> None:
-    warm: set[str] = set()
-    while (seed := pipe.recv()) is not None:
-        kind = fuzz_kind(seed)
-        outcome = run(seed, SECONDS if kind in warm else STARTING - GRACE)
-        if kind in warm and outcome.seconds > SECONDS + GRACE:
-            outcome = Outcome(seed, kind, "FAILED", f"stopped {outcome.seconds - SECONDS:.0f} s after it was asked to")
-        warm.add(kind)
-        pipe.send(outcome)
 
 
 def table(found: list[Outcome]) -> str:

@@ -15,7 +15,8 @@ import numpy as np
 
 from polyworld.solver.rollout import simulator
 from polyworld.world import World
-from tests.benchmarks.fluid_speed import column
+from polyworld.world.representations.fluid import Fluid, FluidGrid, FluidVolume
+from polyworld.world.shapes import Box
 from tests.benchmarks.peers import progress, records
 from tests.benchmarks.peers.memory import peak_megabytes
 from tests.benchmarks.peers.polyworld_engine import world_of
@@ -99,6 +100,14 @@ def bodies(sizes: Sequence[int]) -> Iterator[Series]:
 
         points = tuple(_measured(n, lambda n=n, f=piled: f(n)) for n in piles)  # type: ignore[misc]
         yield Series(f"bodies in a pile, {where}", "bodies", points)
+
+
+def column(count: int) -> World:
+    """Return a cube of about so many particles, half a metre wide, in a box 1 x 0.5 x 1 m."""
+    cell = 0.5 / round((count / 8) ** (1 / 3))
+    volume = FluidVolume(shape=Box(half_extents=(0.25, 0.25, 0.25)), position=(0.25, 0.25, 0.25))
+    grid = FluidGrid(lower=(0, 0, 0), upper=(round(1.0 / cell) * cell, 0.5, round(1.0 / cell) * cell), cell=cell)
+    return World(deformables=(Fluid(name="water", volumes=(volume,)),), fluid_grid=grid)
 
 
 def particles(sizes: Sequence[int]) -> Iterator[Series]:

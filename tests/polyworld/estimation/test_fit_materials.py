@@ -1,4 +1,4 @@
-"""Parameters of deformable bodies found in data of a finer model; `tests.benchmarks.recovery` has the table."""
+"""Parameters of deformable bodies found in data of a finer model."""
 
 from __future__ import annotations
 
@@ -34,6 +34,8 @@ def shorter(name: str, frames: int, start: float) -> Scene:
         pytest.param("cloth", 40, 15.0, 0.15, marks=pytest.mark.benchmark),
         pytest.param("soft body", 40, 4.2e4, 0.08, marks=pytest.mark.benchmark),
         pytest.param("viscous fluid", 24, 0.5, 0.1, marks=pytest.mark.benchmark),
+        pytest.param("floating disc", 24, 3500.0, 0.1, marks=pytest.mark.benchmark),
+        pytest.param("tap", 30, 0.25, 0.1, marks=pytest.mark.benchmark),
     ],
 )
 def test_hidden_parameters_are_found_though_the_model_is_coarser_than_the_data(

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from polyworld.solver.rollout import rollout, simulator
 from polyworld.world import TimeBase, World
-from polyworld.world.observer import Observer, clock_ratio, lag, observe, physical_times, sampling_times
+from polyworld.world.observer import Observer, clock_ratio, lag, observe, physical_times
 from polyworld.world.parameters import check_differs_per_world, parameter_paths, read_parameter, with_parameters
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.resampling import resample
@@ -87,8 +87,7 @@ def test_a_fast_clock_shows_the_motion_slowed_down() -> None:
     clocks = np.array([1.0, 1.1, 0.9])
     parameters = {"observer.clock": clocks}
     ratio = clock_ratio(world.observer, parameters)
-    instants = sampling_times(stamps, parameters, world.observer)
-    batch = simulator(world, instants, n_worlds=3).run({"time.seconds_per_frame": 0.01 * ratio})
+    batch = simulator(world, stamps, n_worlds=3).run({"time.seconds_per_frame": 0.01 * ratio})
     seen, _ = observe(
         batch.positions,
         batch.orientations,
@@ -217,7 +216,7 @@ def test_repeated_frames_show_one_instant_again_and_make_later_stamps_late() -> 
 def test_a_whole_number_of_dropped_frames_needs_no_interpolation() -> None:
     stamps = np.arange(30) * 0.02
     parameters = {"observer.shift": np.array([0.04, -0.02, 0.0]), "observer.shift_time": np.full(3, 10.5 * 0.02)}
-    instants = sampling_times(stamps, parameters)
+    instants = np.arange(40) * 0.02
     rng = np.random.default_rng(0)
     x, v = rng.normal(size=(2, 3, len(instants), 1, 3))  # no smooth curve at all: only samples can be right
     q = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (3, len(instants), 1, 4))
@@ -240,13 +239,12 @@ def test_a_shift_of_one_run_leaves_the_others() -> None:
     observer = Observer(shift=0.3, shift_time=0.45, shift_run="b")
     assert np.allclose(physical_times(stamps, {}, observer, "a")[0], stamps)
     assert np.allclose(physical_times(stamps, {}, observer, "b")[0, 5:], stamps[5:] + 0.3)
-    assert np.array_equal(sampling_times(stamps, {}, observer, "a"), stamps)
 
 
 def test_a_time_offset_shows_later_motion_and_before_the_start_goes_on_straight() -> None:
     stamps = np.arange(30) * 0.02
     parameters = {"observer.time_offset": np.array([0.013, -0.02])}
-    instants = sampling_times(stamps, parameters)
+    instants = np.arange(40) * 0.02
     x, q, v, w = (np.repeat(a, 2, axis=0) for a in flight(instants))
     seen, turned = observe(x, q, v, w, np.repeat(instants[None], 2, axis=0), stamps, parameters)
     later = flight(stamps + 0.013)
