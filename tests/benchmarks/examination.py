@@ -33,6 +33,7 @@ WORDS = r"the (\w+ \w+ (?:cube|cylinder|sphere))"
 AT_REST = 0.05  # [m/s], as the tasks define it
 TURNING = 1e3  # [rad/s], which nothing exceeds
 LINKS = 10  # of a rope, or along each edge of a cloth
+CELL = 0.02  # [m] of the grid of water
 LIGHT = 0.002  # [kg/m], of a string whose mass does not count
 
 
@@ -159,6 +160,19 @@ def _known(scene: Key) -> dict[str, Any]:
         ends = [{"part": "attachment", "name": f"end_{k}", "object": soft["name"], **end} for k, end in enumerate(held)]
         build["parts"] = [{"name": soft["name"], **thing}, *ends]
         found["fit"] = {"materials": []}
+    if "water" in known:
+        water, build["representation"] = known["water"], "planar"
+        sides = [water["tank"][axis] for axis in "xyz"]
+        filled = [water["at_first"]["x"], water["tank"]["y"], water["at_first"]["z"]]
+        volume = {"shape": {"kind": "box", "half_extents": [(high - low) / 2 for low, high in filled]},
+                  "position": [(high + low) / 2 for low, high in filled]}  # fmt: skip
+        grid = {"lower": [low for low, _ in sides], "upper": [high for _, high in sides], "cell": CELL}
+        build["parts"] = [
+            {"part": "fluid", "name": "water", "density": water["density"], "volumes": [volume]},
+            {"part": "fluid_grid", **grid},
+        ]
+        deep = water["tank"]["y"][1] - water["tank"]["y"][0]
+        found["objects"] = [{**o, "mass": o["mass"] / deep} for o in objects]  # a planar fluid is one metre thick
     if build:
         found["build"] = build
     if known["side_view"] or "soft" in known:
@@ -229,7 +243,7 @@ class Agent:
         task = self.task
         await self.call("CommitWorld", case=task.name, even_if_poor=True)
         built = task.known.get("build", {})
-        described = [part["name"] for key in ("obstacles", "parts") for part in built.get(key, [])]
+        described = [part.get("name", "") for key in ("obstacles", "parts") for part in built.get(key, [])]
         there = {*self.made["objects"], *described}
         asked = [q for q in task.questions if _names(q) <= there]  # the others cannot be answered
         given = iter((await self.call("Ask", case=task.name, questions=asked))["data"]["answers"])
