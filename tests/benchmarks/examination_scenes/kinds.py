@@ -192,13 +192,14 @@ def water(rng: Rng, seed: int) -> Scene:
     first, second = rng.uniform(0.045, 0.065, 2).round(3).tolist()
     if seed % 2 == 0:
         high = CELL * round(rng.uniform(0.25, 0.4) / CELL)
-        block = (0.0, 0.0, wide, high)
+        block = wide, high
         x = wide + first + rng.uniform(0.05, 0.2)
-        places = (x, 0.0, first), (rng.uniform(x + first + second + 0.03, max(long - second - 0.05, x + first + second + 0.05)), 0.0, second)
+        near = x + first + second + 0.03
+        places = (x, 0.0, first), (rng.uniform(near, max(long - second - 0.05, near + 0.02)), 0.0, second)
         speeds = (0.0, 0.0, 0.0), (-rng.uniform(0.2, 0.5), 0.0, 0.0)
     else:
         high = CELL * round(rng.uniform(0.18, 0.25) / CELL)
-        block = (0.0, 0.0, long, high)
+        block = long, high
         x = rng.uniform(0.2, 0.4)
         places = (
             (x * long, 0.0, high + rng.uniform(1.2, 2.0) * first),
@@ -209,19 +210,18 @@ def water(rng: Rng, seed: int) -> Scene:
     disc = make.body("cylinder", second, triple(places[1]), triple(speeds[1]), "roller")
     return Scene(
         (across(cube, deep), across(rolling(disc) if seed % 2 == 0 else disc, deep)), tank(long, deep, TALL),
-        water=Water((round(long, 4), deep, TALL), tuple(round(x, 4) for x in block)),
+        water=Water((round(long, 4), deep, TALL), (0.0, 0.0, round(block[0], 4), round(block[1], 4))),
         friction=frictions(rng), restitution=float(rng.uniform(0.1, 0.3)),
     )  # fmt: skip
 
 
 def across(body: Body, deep: float) -> Body:
     """Return the body as deep as a tank: a cylinder lies along y."""
-    if body.kind == "cylinder":
-        half, flat = (body.half[0], deep / 2), math.pi * body.half[0] ** 2
-    else:
-        half, flat = (body.half[0], deep / 2, body.half[2]), 4 * body.half[0] * body.half[2]
+    round_one, size = body.kind == "cylinder", body.half[0]
+    half = (size, deep / 2) if round_one else (size, deep / 2, size)
+    flat = (math.pi if round_one else 4) * size**2
     density = DENSITY[body.name.split("_")[1]]
-    return replace(body, half=half, mass=float(f"{density * flat * deep:.2g}"), yaw=0.0, lies=body.kind == "cylinder")
+    return replace(body, half=half, mass=float(f"{density * flat * deep:.2g}"), yaw=0.0, lies=round_one)
 
 
 def tank(long: float, deep: float, high: float, thick: float = 0.01) -> tuple[Fixed, ...]:
@@ -237,4 +237,6 @@ KINDS: dict[str, Callable[[Rng, int], Scene]] = {
     "water": water,
 }  # fmt: skip
 VIEWS = {"slide": "above", "roll": "above", "throw": "side", "hang": "side", "soft": "aslant", "water": "side"}
-HORIZON = {"slide": 2.0, "roll": 2.0, "throw": 1.2, "hang": 1.5, "soft": 1.0, "water": 0.8}  # [s] latest question after the clip
+HORIZON = {  # [s] latest question after the clip
+    "slide": 2.0, "roll": 2.0, "throw": 1.2, "hang": 1.5, "soft": 1.0, "water": 0.8,
+}  # fmt: skip

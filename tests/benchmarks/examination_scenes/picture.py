@@ -148,14 +148,14 @@ def film(rng: np.random.Generator, scene: Scene, run: Run, camera: Camera, at: l
                 things = renderer.render()[..., 0]
                 renderer.disable_segmentation_rendering()
                 dry = cv2.resize(np.isin(things, at_pane).astype(float), camera.size, interpolation=cv2.INTER_AREA)
-                picture = poured(picture, dry, run.filled[low], scene.water, camera)
+                picture = poured(picture, np.asarray(dry, dtype=float), run.filled[low], scene.water, camera)
             picture += rng.normal(0, noise, picture.shape)
             writer.write(np.ascontiguousarray(np.clip(picture, 0, 255).astype(np.uint8)[..., ::-1]))
     writer.release()
 
 
 def poured(picture: Array, dry: Array, filled: Array, water: Water, camera: Camera) -> Array:
-    """Return a picture (height, width, 3) with water behind a tank's front pane, but where it is dry. filled: (nx, nz)."""
+    """Return a picture (height, width, 3) with water (nx, nz) behind a tank's front pane, not where it is dry."""
     (long, deep, tall), fine = water.size, 12
     fill = np.pad(filled, 1, mode="edge").T[::-1]  # rows downwards
     wide = cv2.resize(fill, None, fx=fine, fy=fine, interpolation=cv2.INTER_CUBIC)[fine:-fine, fine:-fine]
@@ -166,7 +166,7 @@ def poured(picture: Array, dry: Array, filled: Array, water: Water, camera: Came
     corners = np.array([[0, 0], [width, 0], [width, height], [0, height]])
     warp = cv2.getPerspectiveTransform(corners.astype(np.float32), camera.pixel(pane).astype(np.float32))
     size = picture.shape[1], picture.shape[0]
-    veil, edge = (cv2.warpPerspective(x, warp, size, flags=cv2.INTER_AREA)for x in (inside, rim))
+    veil, edge = (cv2.warpPerspective(x, warp, size, flags=cv2.INTER_AREA) for x in (inside, rim))
     veil, edge = (x[..., None] * (1 - dry[..., None]) for x in (veil, edge))
     tinted = picture + WATER_VEIL * veil * (np.array(WATER) - picture)
     return np.asarray(tinted + 0.25 * edge * (235.0 - tinted))

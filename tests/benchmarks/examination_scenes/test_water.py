@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from tests.benchmarks.examination_scenes.water import DENSITY, GRAVITY, Solid, Tank
+from tests.benchmarks.examination_scenes.solids import Solid
+from tests.benchmarks.examination_scenes.water import DENSITY, GRAVITY, Tank
 
 
 def run(tank: Tank, duration: float) -> None:

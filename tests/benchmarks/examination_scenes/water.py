@@ -17,77 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
-Array = NDArray[np.float64]
+from tests.benchmarks.examination_scenes.solids import Array, Solid, settle
+
 Mask = NDArray[np.bool_]
 GRAVITY, DENSITY = 9.81, 1000.0  # [m/s^2], [kg/m^3]
 KEPT = 0.98  # of a particle's own velocity at each step of 1 ms (FLIP); the rest is the grid's (PIC)
 PULL = 0.1  # part of an excess of density that a step corrects
-SLOW = 0.05  # [m/s] a contact that closes more slowly does not bounce
 LOOSE = 1e-4  # of a link between cells: keeps the pressure of an enclosed pocket finite
+OFFSETS = (0, 0.5), (0.5, 0)  # of the first face across x and across z, in cells
 THIN = 0.1  # least distance of the surface from a wet cell's centre, and least opening of a face, in cells
-
-
-@dataclass
-class Solid:
-    """Hold a body of the slice: a disc or a box, its mass per metre of depth [kg/m], and its state."""
-
-    half: tuple[float, ...]  # (radius,) or (half width, half height) [m]
-    mass: float
-    place: Array  # (2,)
-    motion: Array  # (3,) velocity [m/s] and rate of turn from x towards z [rad/s]
-    friction: float
-    angle: float = 0.0
-
-    @property
-    def inertia(self) -> Array:
-        """Return mass, mass and moment of inertia (3,)."""
-        square = self.half[0] ** 2 / 2 if len(self.half) == 1 else (self.half[0] ** 2 + self.half[1] ** 2) / 3
-        return self.mass * np.array([1.0, 1.0, square])
-
-    def distance(self, at: Array) -> Array:
-        """Return signed distances of places (..., 2) from the surface, negative inside [m]."""
-        offset = at - self.place
-        if len(self.half) == 1:
-            return np.asarray(np.hypot(offset[..., 0], offset[..., 1]) - self.half[0])
-        over = np.abs(offset @ self.axes.T) - self.half
-        return np.asarray(np.linalg.norm(np.maximum(over, 0), axis=-1) + np.minimum(over.max(axis=-1), 0))
-
-    @property
-    def axes(self) -> Array:
-        """Return the body's own axes as rows (2, 2)."""
-        c, s = math.cos(self.angle), math.sin(self.angle)
-        return np.array([[c, s], [-s, c]])
-
-    def normal(self, at: Array) -> Array:
-        """Return outward normals (..., 2) at places, from differences of the distance."""
-        steps = 1e-5 * np.eye(2)
-        slope = np.stack([self.distance(at + e) - self.distance(at - e) for e in steps], axis=-1)
-        return np.asarray(slope / np.maximum(np.linalg.norm(slope, axis=-1, keepdims=True), 1e-12))
-
-    def velocity(self, at: Array) -> Array:
-        """Return velocities (..., 2) of the body's material at places."""
-        offset = at - self.place
-        turned = np.stack([-offset[..., 1], offset[..., 0]], axis=-1)
-        return np.asarray(self.motion[:2] + self.motion[2] * turned)
-
-    def lowest(self, normal: Array) -> Array:
-        """Return the points (n, 2) that may touch a plane of this normal."""
-        if len(self.half) == 1:
-            return np.asarray(self.place - self.half[0] * normal)[None]
-        corners = np.array([[a, b] for a in (-1, 1) for b in (-1, 1)]) * self.half
-        return np.asarray(self.place + corners @ self.axes)
-
-    def hit(self, at: Array, impulse: Array) -> None:
-        """Change the motion by an impulse (2,) at a place."""
-        arm = at - self.place
-        self.motion += np.array([*impulse, arm[0] * impulse[1] - arm[1] * impulse[0]]) / self.inertia
-
-
-def touching(a: Solid, b: Solid) -> tuple[float, Array, Array]:
-    """Return gap [m], normal from a to b and place of contact of two bodies, of which b is a disc."""
-    normal = a.normal(b.place)
-    gap = float(a.distance(b.place)) - b.half[0]
-    return gap, normal, b.place - b.half[0] * normal
 
 
 @dataclass
@@ -145,7 +83,7 @@ class Tank:
             solid.angle += dt * solid.motion[2]
             solid.motion[1] -= dt * GRAVITY
         self.advect(dt)
-        nodes = [self.spread(o, g.shape) for o, g in zip(((0, 0.5), (0.5, 0)), self.grids, strict=True)]
+        nodes = [self.spread(o, g.shape) for o, g in zip(OFFSETS, self.grids, strict=True)]
         grids, seen = [], []
         for axis, ((node, weight), old) in enumerate(zip(nodes, self.grids, strict=True)):
             total = np.bincount(node.ravel(), weight.ravel(), old.size)
@@ -156,12 +94,10 @@ class Tank:
         after = self.project([before[0], before[1] - dt * GRAVITY], dt)
         kept = KEPT ** (dt / 1e-3)
         for axis, (node, weight) in enumerate(nodes):
-            new, change = (
-                (weight * g.ravel()[node]).sum(axis=0) for g in (after[axis], after[axis] - before[axis])
-            )
+            new, change = ((weight * g.ravel()[node]).sum(axis=0) for g in (after[axis], after[axis] - before[axis]))
             self.velocities[:, axis] = kept * (self.velocities[:, axis] + change) + (1 - kept) * new
         self.grids = after
-        self.contacts()
+        settle(self.solids, self.size[0], self.restitution)
 
     def advect(self, dt: float) -> None:
         """Carry the particles with the grid's velocity (midpoint), and keep them in the tank and out of bodies."""
@@ -169,7 +105,7 @@ class Tank:
         for part in (0.5, 1.0):
             flow = [
                 (w * g.ravel()[n]).sum(axis=0)
-                for g, (n, w) in ((g, self.spread(o, g.shape)) for o, g in zip(((0, 0.5), (0.5, 0)), self.grids))
+                for g, (n, w) in ((g, self.spread(o, g.shape)) for o, g in zip(OFFSETS, self.grids, strict=True))
             ]
             self.at = np.clip(start + part * dt * np.stack(flow, axis=-1), 1e-3 * self.cell, self.limit)
         for solid in self.solids:
@@ -200,9 +136,9 @@ class Tank:
 
     def project(self, grids: list[Array], dt: float) -> list[Array]:
         """Return the grids (faces) without divergence, and give the bodies their part of the momentum."""
-        (nx, nz), cell = self.shape, self.cell
+        nx, cell = self.shape[0], self.cell
         centres = self.corners[:-1, :-1] + cell / 2
-        faces = [self.corners[:, :-1] + [0, cell / 2], self.corners[:-1] + [cell / 2, 0]]
+        faces = [self.corners[:, :-1] + cell * np.array(OFFSETS[0]), self.corners[:-1] + cell * np.array(OFFSETS[1])]
         opens, room, columns, masses, motions = [np.ones(f.shape[:2]) for f in faces], np.ones(self.shape), [], [], []
         for solid in self.solids:
             room -= np.clip(0.5 - solid.distance(centres) / cell, 0, 1)
@@ -275,51 +211,6 @@ class Tank:
             result.append(extend(new, known))
         return result
 
-    def contacts(self, rounds: int = 4) -> None:
-        """Let bodies bounce and rub on floor, walls and each other, one contact after the other."""
-        planes = ((np.array([0.0, 1.0]), 0.0), (np.array([1.0, 0.0]), 0.0), (np.array([-1.0, 0.0]), -self.size[0]))
-        for _ in range(rounds):
-            for solid in self.solids:
-                for normal, height in planes:
-                    for at in solid.lowest(normal):
-                        gap = float(at @ normal) - height
-                        if gap < 0.0:
-                            self.collide(None, solid, normal, at)
-                    deep = min(float(at @ normal) - height for at in solid.lowest(normal))
-                    solid.place = solid.place - min(deep, 0.0) * normal
-            for i, j in ((i, j) for j in range(len(self.solids)) for i in range(j)):
-                gap, normal, at = touching(self.solids[i], self.solids[j])
-                if gap < 0.0:
-                    self.collide(self.solids[i], self.solids[j], normal, at)
-                    share = self.solids[j].mass / (self.solids[i].mass + self.solids[j].mass)
-                    self.solids[i].place = self.solids[i].place + share * gap * normal
-                    self.solids[j].place = self.solids[j].place - (1 - share) * gap * normal
-
-    def collide(self, a: Solid | None, b: Solid, normal: Array, at: Array) -> None:
-        """Apply the impulse of a contact; a is None for the tank."""
-        speed = b.velocity(at) - (a.velocity(at) if a else 0.0)
-        along = np.array([normal[1], -normal[0]])
-        closing = float(speed @ normal)
-        if closing >= 0.0:
-            return
-
-        def ease(way: Array) -> float:
-            total = 0.0
-            for solid in (a, b):
-                if solid is not None:
-                    arm = at - solid.place
-                    mass, _, moment = solid.inertia
-                    total += 1 / mass + (arm[0] * way[1] - arm[1] * way[0]) ** 2 / moment
-            return float(total)
-
-        rebound = self.restitution if closing < -SLOW else 0.0
-        push = -(1 + rebound) * closing / ease(normal)
-        friction = b.friction if a is None else min(a.friction, b.friction)
-        rub = float(np.clip(-float(speed @ along) / ease(along), -friction * push, friction * push))
-        for solid, sign in ((a, -1), (b, 1)):
-            if solid is not None:
-                solid.hit(at, sign * (push * normal + rub * along))
-
 
 def covered(a: Array, b: Array) -> Array:
     """Return which part of edges is inside a body whose distances at their ends are a and b (Batty et al. 2007)."""
@@ -337,9 +228,7 @@ def extend(grid: Array, known: Mask, layers: int = 3) -> Array:
     value, known = np.where(known, grid, 0.0), known.copy()
     for _ in range(layers):
         wide, mark = np.pad(value, 1), np.pad(known.astype(float), 1)
-        total, count = (
-            w[:-2, 1:-1] + w[2:, 1:-1] + w[1:-1, :-2] + w[1:-1, 2:] for w in (wide, mark)
-        )
+        total, count = (w[:-2, 1:-1] + w[2:, 1:-1] + w[1:-1, :-2] + w[1:-1, 2:] for w in (wide, mark))
         fresh = ~known & (count > 0)
         value = np.where(fresh, total / np.maximum(count, 1.0), value)
         known |= fresh

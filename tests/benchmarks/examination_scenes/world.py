@@ -11,7 +11,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.examination_scenes.water import Solid, Tank, touching
+from tests.benchmarks.examination_scenes.solids import Solid, touching
+from tests.benchmarks.examination_scenes.water import Tank
 
 Array = NDArray[np.float64]
 Edit = dict[str, Any]
@@ -352,7 +353,10 @@ def pour(scene: Scene, water: Water, duration: float, part: int) -> Run:
         else np.stack([np.cos(a / 2), np.cos(a / 2), -np.sin(a / 2), np.sin(a / 2)], axis=-1) * math.sqrt(0.5)
         for body, a in zip(scene.bodies, state[..., 2].T, strict=True)
     ]
-    places = {b.name: np.stack([s[:, 0], zero, s[:, 1]], axis=-1) for b, s in zip(scene.bodies, state.swapaxes(0, 1))}
+    places = {
+        b.name: np.stack([s[:, 0], zero, s[:, 1]], axis=-1)
+        for b, s in zip(scene.bodies, state.swapaxes(0, 1), strict=True)
+    }
     poses = [x for b, turn in zip(scene.bodies, turns, strict=True) for x in (places[b.name], turn)]
     return Run(
         places,
