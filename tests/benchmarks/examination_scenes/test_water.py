@@ -78,3 +78,9 @@ def test_disc_bounces_off_a_box_and_keeps_the_momentum() -> None:
     disc = Solid((0.05,), 5.0, np.array([0.3, 0.05]), np.array([1.0, 0.0, 0.0]), 0.0)
     run(Tank((1.0, 0.4), 0.01, (), [box, disc], restitution=0.4), 0.2)
     assert (disc.motion[0], box.motion[0]) == pytest.approx((0.3, 0.7), abs=0.01)
+
+
+def test_light_box_that_stands_on_the_floor_rises() -> None:
+    box = Solid((0.05, 0.05), 3.0, np.array([0.4, 0.05]), np.zeros(3), 0.3)
+    run(Tank((0.8, 0.4), 0.02, ((0, 0, 0.8, 0.2),), [box]), 1.0)
+    assert box.place[1] > 0.15

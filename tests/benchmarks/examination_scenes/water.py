@@ -146,6 +146,8 @@ class Tank:
             for axis, (a, b) in enumerate(((corner[:, :-1], corner[:, 1:]), (corner[:-1], corner[1:]))):
                 covers.append(covered(a, b))
                 opens[axis] -= covers[axis]
+                edge = np.moveaxis(covers[axis], axis, 0)
+                edge[0] = edge[-1] = 0.0  # no body comes through the tank: what leaves a wall makes room for water
             basis = [[covers[0], 0], [0, covers[1]]]
             turn = -covers[0] * (faces[0][..., 1] - solid.place[1]), covers[1] * (faces[1][..., 0] - solid.place[0])
             columns += [flux(x * np.ones_like(covers[0]), z * np.ones_like(covers[1])) for x, z in (*basis, turn)]
@@ -156,8 +158,12 @@ class Tank:
             edge = np.moveaxis(opens[axis], axis, 0)
             edge[0] = edge[-1] = 0.0
         filled = self.filled = self.fill(np.clip(room, 0, 1))
+        under = room[:, 0] < 0.5
+        for start, end in between(filled[:, 0] > 0.5, under):
+            filled[start:end, 0] = 1.0  # a gap too low for particles
         ways = opens[0][:-1] + opens[0][1:] + opens[1][:, :-1] + opens[1][:, 1:]
         wet = (filled > 0.5) & (ways > 0)
+        seep(columns, wet[:, 0], under)
         deep = wet.copy()
         for axis, ahead in ((0, 1), (0, -1), (1, 1), (1, -1)):
             deep &= np.roll(wet | (room < 0.5), ahead, axis)  # the tank's edge counts by what is across: harmless
@@ -216,6 +222,25 @@ def covered(a: Array, b: Array) -> Array:
     """Return which part of edges is inside a body whose distances at their ends are a and b (Batty et al. 2007)."""
     low, high = np.minimum(a, b), np.maximum(a, b)
     return np.asarray(np.where(high <= 0, 1.0, np.where(low >= 0, 0.0, low / np.minimum(low - high, -1e-12))))
+
+
+def seep(columns: list[Array], wet: Mask, under: Mask) -> None:
+    """Let water come below bodies on the floor from both sides, where both are wet: half of what they lift from each.
+
+    Else no pressure would lift what stands flat. columns: what leaves each cell, of motions of bodies; wet, under (nx,):
+    cells of the lowest row that hold water, and that bodies fill.
+    """
+    for start, end in between(wet, under & ~wet):
+        for column in columns:
+            drawn = column[start:end, 0].sum() / 2
+            column[start - 1, 0] += drawn
+            column[end, 0] += drawn
+
+
+def between(wet: Mask, under: Mask) -> list[tuple[int, int]]:
+    """Return the stretches of cells under bodies, first and one after last, that have wet cells on both sides."""
+    ends = np.flatnonzero(np.diff(np.pad(under, 1).astype(int))).reshape(-1, 2).tolist()
+    return [(start, end) for start, end in ends if 0 < start and end < len(wet) and wet[start - 1] and wet[end]]
 
 
 def flux(x: Array, z: Array) -> Array:
