@@ -61,7 +61,7 @@ def clip_frames(rng: np.random.Generator, kind: str, scene: Scene, run: Run, rat
         paths = [(run.places[b.name][:, 2] - b.half[0] < 1e-3) for b in scene.bodies]
         firsts = [max(float(np.argmax(path)) * SAMPLE for path in paths) + 5 / rate + rng.uniform(0, 0.2)]
     elif kind == "water":
-        firsts = [wetted(scene, run) + rng.uniform(0.2, 0.4)]
+        firsts = [wetted(scene, run) + rng.uniform(0.1, 0.3)]
     elif kind == "soft":
         thrown = scene.bodies[0]
         firsts = [-thrown.position[0] / thrown.velocity[0] + rng.uniform(-0.02, 0.15)]

@@ -198,7 +198,7 @@ def water(rng: Rng, seed: int) -> Scene:
         places = (x, 0.0, first), (rng.uniform(near, max(long - second - 0.05, near + 0.02)), 0.0, second)
         speeds = (0.0, 0.0, 0.0), (-rng.uniform(0.2, 0.5), 0.0, 0.0)
     else:
-        high = CELL * round(rng.uniform(0.18, 0.25) / CELL)
+        high = CELL * round(rng.uniform(0.24, 0.32) / CELL)
         block = long, high
         x = rng.uniform(0.2, 0.4)
         places = (

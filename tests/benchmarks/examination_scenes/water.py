@@ -227,7 +227,7 @@ def covered(a: Array, b: Array) -> Array:
 def seep(columns: list[Array], wet: Mask, under: Mask) -> None:
     """Let water come below bodies on the floor from both sides, where both are wet: half of what they lift from each.
 
-    Else no pressure would lift what stands flat. columns: what leaves each cell, of motions of bodies; wet, under (nx,):
+    Else no pressure would lift what stands flat. columns: what leaves each cell, of bodies that move; wet, under (nx,):
     cells of the lowest row that hold water, and that bodies fill.
     """
     for start, end in between(wet, under & ~wet):
@@ -240,7 +240,7 @@ def seep(columns: list[Array], wet: Mask, under: Mask) -> None:
 def between(wet: Mask, under: Mask) -> list[tuple[int, int]]:
     """Return the stretches of cells under bodies, first and one after last, that have wet cells on both sides."""
     ends = np.flatnonzero(np.diff(np.pad(under, 1).astype(int))).reshape(-1, 2).tolist()
-    return [(start, end) for start, end in ends if 0 < start and end < len(wet) and wet[start - 1] and wet[end]]
+    return [(start, end) for start, end in ends if start > 0 and end < len(wet) and wet[start - 1] and wet[end]]
 
 
 def flux(x: Array, z: Array) -> Array:
