@@ -33,6 +33,7 @@ WORDS = r"the (\w+ \w+ (?:cube|cylinder|sphere))"
 AT_REST = 0.05  # [m/s], as the tasks define it
 TURNING = 1e3  # [rad/s], which nothing exceeds
 LINKS = 10  # of a rope, or along each edge of a cloth
+CELL = 0.02  # [m] of the grid of water
 LIGHT = 0.002  # [kg/m], of a string whose mass does not count
 
 
@@ -159,11 +160,33 @@ def _known(scene: Key) -> dict[str, Any]:
         ends = [{"part": "attachment", "name": f"end_{k}", "object": soft["name"], **end} for k, end in enumerate(held)]
         build["parts"] = [{"name": soft["name"], **thing}, *ends]
         found["fit"] = {"materials": []}
+    if "water" in known:
+        water, build["representation"] = known["water"], "planar"
+        sides = [water["tank"][axis] for axis in "xyz"]
+        filled = [water["at_first"]["x"], water["tank"]["y"], water["at_first"]["z"]]
+        volume = {"shape": {"kind": "box", "half_extents": [(high - low) / 2 for low, high in filled]},
+                  "position": [(high + low) / 2 for low, high in filled]}  # fmt: skip
+        grid = {"lower": [low for low, _ in sides], "upper": [high for _, high in sides], "cell": CELL}
+        build["parts"] = [
+            {"part": "fluid", "name": "water", "density": water["density"], "volumes": [volume]},
+            {"part": "fluid_grid", **grid},
+        ]
+        deep = water["tank"]["y"][1] - water["tank"]["y"][0]
+        found["objects"] = [_seen_from_side(body, deep) for body in objects]
+        found["fit"] = {"parameters": [{"paths": ["objects.water.viscosity"], "fixed": True}]}  # water's, not honey's
     if build:
         found["build"] = build
     if known["side_view"] or "soft" in known:
         found |= {"motion_plane": {"point": [0, 0, 0], "normal": [0, -1, 0]}, "floor": known["floor_height"]}
     return found
+
+
+def _seen_from_side(body: Key, deep: float) -> Key:
+    """Return a body of a tank; a roller, seen along its axis, as a ball of the same mass per metre of depth."""
+    shape, mass = body["shape"], body["mass"]
+    if shape["kind"] == "cylinder":
+        shape, mass = {"kind": "sphere", "radius": shape["radius"]}, mass / deep * 4 / 3 * shape["radius"]
+    return {**body, "shape": shape, "mass": mass}
 
 
 def pulley(scene: Key, places: dict[str, list[float]]) -> dict[str, Any]:
@@ -229,7 +252,7 @@ class Agent:
         task = self.task
         await self.call("CommitWorld", case=task.name, even_if_poor=True)
         built = task.known.get("build", {})
-        described = [part["name"] for key in ("obstacles", "parts") for part in built.get(key, [])]
+        described = [part.get("name", "") for key in ("obstacles", "parts") for part in built.get(key, [])]
         there = {*self.made["objects"], *described}
         asked = [q for q in task.questions if _names(q) <= there]  # the others cannot be answered
         given = iter((await self.call("Ask", case=task.name, questions=asked))["data"]["answers"])

@@ -75,3 +75,22 @@ def test_a_rope_bears_its_bead_and_a_cloth_its_weight(tmp_path: Path) -> None:
     assert about["mass"] == pytest.approx(0.17, rel=1e-6)
     assert about["held_by"] == ["end_0"]
     assert found["cloth"][2] == pytest.approx(1.5 - 0.35, abs=0.02)
+
+
+def test_what_floats_in_a_tank_stays_as_deep_as_archimedes_says(tmp_path: Path) -> None:
+    """Both bodies are as deep as the tank and half as dense as water; they begin where they float."""
+    size, deep, level = 0.06, 0.12, 0.2
+    flat = [4 * size**2, math.pi * size**2]
+    shapes = [
+        {"kind": "box", "half_extents": [2 * size, deep / 2, size / 2]},
+        {"kind": "cylinder", "radius": size, "half_height": deep / 2},
+    ]
+    names = ["red_plank", "blue_roller"]
+    objects = [body(n, s, 500.0 * a * deep) for n, s, a in zip(names, shapes, flat, strict=True)]
+    sides = {"x": [0.0, 1.0], "y": [-deep / 2, deep / 2], "z": [0.0, 0.4]}
+    water = {"tank": sides, "at_first": {"x": [0.0, 1.0], "z": [0.0, level]}, "density": 1000.0}
+    scene = {**SCENE, "known": {**COMMON, "water": water, "objects": objects}}
+    places = {"red_plank": [0.3, 0.0, level], "blue_roller": [0.7, 0.0, level]}
+    found = ends(tmp_path, _known(scene), places, 0.4)
+    for name in names:
+        assert found[name][2] == pytest.approx(level, abs=0.008)

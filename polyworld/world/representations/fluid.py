@@ -37,8 +37,9 @@ class Fluid(Description):
 
     Carried by particles, two along each edge of a cell of `FluidGrid`. Several fluids share the grid; each keeps its
     density and viscosity. Soft bodies move with the liquid around them, ropes and sheets are dragged by it; sheets
-    let nothing through. fluid_planar flows in environment.motion_plane only; amounts are then those of a
-    slice one metre thick.
+    let nothing through. fluid_planar flows in environment.motion_plane only; its amounts are those of a slice one metre
+    thick. Bodies keep their own masses, and count as what they displace per metre of their own depth: their volume over
+    their section in the plane.
     """
 
     name: Name = Field(description="name, which nothing else in the world has")

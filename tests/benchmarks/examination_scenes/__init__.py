@@ -1,4 +1,4 @@
-"""Generate short clips with questions of known answers, simulated and rendered by MuJoCo."""
+"""Generate short clips with questions of known answers: MuJoCo moves and renders them, `water.py` moves water."""
 
 import os
 

@@ -12,6 +12,7 @@ import numpy as np
 from tests.benchmarks.examination_scenes.kinds import HORIZON, KINDS, VIEWS
 from tests.benchmarks.examination_scenes.picture import Camera, calibration, draw_camera, film
 from tests.benchmarks.examination_scenes.questions import Asker, Question
+from tests.benchmarks.examination_scenes.water import DENSITY
 from tests.benchmarks.examination_scenes.world import GRAVITY, SAMPLE, Array, Run, Scene, simulate
 
 RATES = (24, 25, 30, 48, 50, 60)  # [1/s]
@@ -44,6 +45,12 @@ def known(scene: Scene, camera: Camera, points: list[dict[str, Any]], side: bool
         soft = scene.soft
         bead = {"bead_at_end": soft.bead.name} if soft.bead else {"normal": [1, 0, 0], "held_by": "its upper edge"}
         result["soft"] = {"name": soft.name, "top": list(soft.top), "length": soft.length, "mass": soft.mass, **bead}
+    if scene.water is not None:
+        (long, deep, tall), (x, z, far, high) = scene.water.size, scene.water.block
+        result["water"] = {
+            "tank": {"x": [0.0, long], "y": [-deep / 2, deep / 2], "z": [0.0, tall]}, "density": DENSITY,
+            "at_first": {"x": [x, far], "z": [z, high]},
+        }  # fmt: skip
     return {**result, "picture_size": list(camera.size), "calibration": points, "side_view": side}
 
 
@@ -53,6 +60,8 @@ def clip_frames(rng: np.random.Generator, kind: str, scene: Scene, run: Run, rat
     if kind == "throw":
         paths = [(run.places[b.name][:, 2] - b.half[0] < 1e-3) for b in scene.bodies]
         firsts = [max(float(np.argmax(path)) * SAMPLE for path in paths) + 5 / rate + rng.uniform(0, 0.2)]
+    elif kind == "water":
+        firsts = [wetted(scene, run) + rng.uniform(0.1, 0.3)]
     elif kind == "soft":
         thrown = scene.bodies[0]
         firsts = [-thrown.position[0] / thrown.velocity[0] + rng.uniform(-0.02, 0.15)]
@@ -61,12 +70,26 @@ def clip_frames(rng: np.random.Generator, kind: str, scene: Scene, run: Run, rat
     return count if 12 <= count <= 40 else None
 
 
+def wetted(scene: Scene, run: Run) -> float:
+    """Return when a column of water comes to a first body, or a last body into a tank of water [s]."""
+    assert scene.water is not None
+    times, cell = [], scene.water.size[0] / len(run.filled[0])
+    for body in scene.bodies:
+        ends = ((run.places[body.name][:, [0, 2]] + s * body.half[0]) / cell for s in (-1, 1))
+        boxes = zip(run.filled, *(e.astype(int).clip(0) for e in ends), strict=True)
+        wet = [bool((f[low[0] : high[0] + 1, low[1] : high[1] + 1] > 0.5).any()) for f, low, high in boxes]
+        times.append(float(np.argmax(wet)) * SAMPLE if any(wet) else np.inf)
+    return max(times) if scene.water.block[2] == scene.water.size[0] else min(times)
+
+
 def sound(scene: Scene, run: Run) -> bool:
-    """Return whether energy does not grow (by over 1% of what moves) and no weight comes to its pulley."""
+    """Return whether energy does not grow (by over 1% of what moves), no weight meets its pulley, no water the lid."""
     kinetic = sum(b.mass * sum(v * v for v in b.velocity) / 2 + 0.05 * b.mass * GRAVITY for b in scene.bodies)
     tops = [f.position[2] - 0.2 for f in scene.fixed if f.kind == "pulley"]
     high = max(float(path[:, 2].max()) for path in run.places.values())
-    return bool(run.energy.max() <= run.energy[0] + 0.01 * kinetic and all(high < top for top in tops))
+    kinetic += 0.5 * run.energy[0] if scene.water is not None else 0.0
+    dry = all(float(filled[:, -1].max()) < 0.5 for filled in run.filled)
+    return dry and bool(run.energy.max() <= run.energy[0] + 0.01 * kinetic and all(high < top for top in tops))
 
 
 def draw(kind: str, seed: int, path: Path | None) -> dict[str, Any]:
@@ -74,7 +97,7 @@ def draw(kind: str, seed: int, path: Path | None) -> dict[str, Any]:
     rng = np.random.default_rng([list(KINDS).index(kind), seed])
     view, horizon = VIEWS[kind], HORIZON[kind]
     for _ in range(TRIES):
-        scene, rate = KINDS[kind](rng, seed), int(rng.choice(RATES))
+        scene, rate = KINDS[kind](rng, seed), int(rng.choice(RATES[3:] if kind == "water" else RATES))
         count = clip_frames(rng, kind, scene, simulate(scene, 1.5, 1), rate)
         if count is None:
             continue

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
-from tests.benchmarks.examination_scenes.world import Body, Fixed, Scene, Soft, String
+from tests.benchmarks.examination_scenes.world import CELL, Body, Fixed, Scene, Soft, String, Water
 
 Rng = np.random.Generator
 Triple = tuple[float, float, float]
 COLOURS = ("red", "blue", "green", "yellow", "purple", "cyan", "orange", "gray")
 MATERIALS = ("metal", "rubber", "wood")
+TALL = 0.6  # [m] height of a tank
 DENSITY = {"metal": 2700.0, "rubber": 1100.0, "wood": 650.0}  # [kg/m^3]; metal is aluminium
 
 
@@ -183,8 +185,58 @@ def soft(rng: Rng, seed: int) -> Scene:
     )  # fmt: skip
 
 
+def water(rng: Rng, seed: int) -> Scene:
+    """Draw a column of water that breaks over two bodies (even seeds), or bodies that fall into a tank (odd)."""
+    make, deep = Maker(rng), round(rng.uniform(0.1, 0.2), 2)
+    long, wide = CELL * round(rng.uniform(0.8, 1.1) / CELL), CELL * round(rng.uniform(0.2, 0.3) / CELL)
+    first, second = rng.uniform(0.045, 0.065, 2).round(3).tolist()
+    if seed % 2 == 0:
+        high = CELL * round(rng.uniform(0.25, 0.4) / CELL)
+        block = wide, high
+        x = wide + first + rng.uniform(0.05, 0.2)
+        near = x + first + second + 0.03
+        places = (x, 0.0, first), (rng.uniform(near, max(long - second - 0.05, near + 0.02)), 0.0, second)
+        speeds = (0.0, 0.0, 0.0), (-rng.uniform(0.2, 0.5), 0.0, 0.0)
+    else:
+        high = CELL * round(rng.uniform(0.24, 0.32) / CELL)
+        block = long, high
+        x = rng.uniform(0.2, 0.4)
+        places = (
+            (x * long, 0.0, high + rng.uniform(1.2, 2.0) * first),
+            ((x + rng.uniform(0.2, 0.4)) * long, 0.0, high + second + rng.uniform(0.03, 0.2)),
+        )
+        speeds = (0.0, 0.0, 0.0), (rng.uniform(-0.5, 0.5), 0.0, rng.uniform(-1.0, 0.0))
+    cube = make.body("box", first, triple(places[0]), speeds[0])
+    disc = make.body("cylinder", second, triple(places[1]), triple(speeds[1]), "roller")
+    return Scene(
+        (across(cube, deep), across(rolling(disc) if seed % 2 == 0 else disc, deep)), tank(long, deep, TALL),
+        water=Water((round(long, 4), deep, TALL), (0.0, 0.0, round(block[0], 4), round(block[1], 4))),
+        friction=frictions(rng), restitution=float(rng.uniform(0.1, 0.3)),
+    )  # fmt: skip
+
+
+def across(body: Body, deep: float) -> Body:
+    """Return the body as deep as a tank: a cylinder lies along y."""
+    round_one, size = body.kind == "cylinder", body.half[0]
+    half = (size, deep / 2) if round_one else (size, deep / 2, size)
+    flat = (math.pi if round_one else 4) * size**2
+    density = DENSITY[body.name.split("_")[1]]
+    return replace(body, half=half, mass=float(f"{density * flat * deep:.2g}"), yaw=0.0, lies=round_one)
+
+
+def tank(long: float, deep: float, high: float, thick: float = 0.01) -> tuple[Fixed, ...]:
+    """Return the walls of a tank, left and right; its panes are not seen."""
+    return tuple(
+        Fixed(name, "box", (thick, deep / 2, high / 2), (round(x, 4), 0.0, high / 2))
+        for name, x in (("left_wall", -thick), ("right_wall", long + thick))
+    )
+
+
 KINDS: dict[str, Callable[[Rng, int], Scene]] = {
     "slide": slide, "roll": roll, "throw": throw, "hang": hang, "soft": soft,
+    "water": water,
 }  # fmt: skip
-VIEWS = {"slide": "above", "roll": "above", "throw": "side", "hang": "side", "soft": "aslant"}
-HORIZON = {"slide": 2.0, "roll": 2.0, "throw": 1.2, "hang": 1.5, "soft": 1.0}  # [s] latest question after the clip
+VIEWS = {"slide": "above", "roll": "above", "throw": "side", "hang": "side", "soft": "aslant", "water": "side"}
+HORIZON = {  # [s] latest question after the clip
+    "slide": 2.0, "roll": 2.0, "throw": 1.2, "hang": 1.5, "soft": 1.0, "water": 0.8,
+}  # fmt: skip

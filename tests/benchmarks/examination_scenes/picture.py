@@ -12,13 +12,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.benchmarks.examination_scenes.world import SAMPLE, Array, Run, Scene, row, xml
+from tests.benchmarks.examination_scenes.world import SAMPLE, Array, Run, Scene, Water, row, xml
 
 SIZES = ((480, 320), (640, 360), (640, 480), (960, 540), (960, 640))
 RGB = {
     "red": (0.75, 0.1, 0.1), "blue": (0.12, 0.25, 0.75), "green": (0.1, 0.5, 0.15), "yellow": (0.85, 0.75, 0.1),
     "purple": (0.5, 0.15, 0.6), "cyan": (0.1, 0.65, 0.7), "orange": (0.9, 0.45, 0.08), "gray": (0.45, 0.45, 0.45),
 }  # fmt: skip
+WATER, WATER_VEIL = (70.0, 120.0, 160.0), 0.35  # colour, opacity
 SURFACES = (
     '<material name="metal" specular="0.9" shininess="0.8"/><material name="rubber" specular="0.05"/>'
     '<material name="wood" specular="0.25" shininess="0.3"/>'
@@ -133,6 +134,7 @@ def film(rng: np.random.Generator, scene: Scene, run: Run, camera: Camera, at: l
     model.tex_data[model.tex_adr[number] : model.tex_adr[number] + texture.size] = texture
     data = mujoco.MjData(model)
     code, rate = cv2.VideoWriter.fourcc(*"mp4v"), (len(at) - 1) / (at[-1] - at[0])
+    at_pane = [model.geom(body.name).id for body in scene.bodies]  # no water is before them
     noise, writer = rng.uniform(1.0, 3.0), cv2.VideoWriter(str(path), code, rate, camera.size)
     with mujoco.Renderer(model, 2 * height, 2 * width) as renderer:
         for time in at:
@@ -141,6 +143,30 @@ def film(rng: np.random.Generator, scene: Scene, run: Run, camera: Camera, at: l
             mujoco.mj_forward(model, data)
             renderer.update_scene(data, camera="eye")
             picture = cv2.resize(renderer.render(), camera.size, interpolation=cv2.INTER_AREA).astype(float)
+            if scene.water is not None:
+                renderer.enable_segmentation_rendering()
+                things = renderer.render()[..., 0]
+                renderer.disable_segmentation_rendering()
+                dry = cv2.resize(np.isin(things, at_pane).astype(float), camera.size, interpolation=cv2.INTER_AREA)
+                picture = poured(picture, np.asarray(dry, dtype=float), run.filled[low], scene.water, camera)
             picture += rng.normal(0, noise, picture.shape)
             writer.write(np.ascontiguousarray(np.clip(picture, 0, 255).astype(np.uint8)[..., ::-1]))
     writer.release()
+
+
+def poured(picture: Array, dry: Array, filled: Array, water: Water, camera: Camera) -> Array:
+    """Return a picture (height, width, 3) with water (nx, nz) behind a tank's front pane, not where it is dry."""
+    (long, deep, tall), fine = water.size, 12
+    fill = np.pad(filled, 1, mode="edge").T[::-1]  # rows downwards
+    wide = cv2.resize(fill, None, fx=fine, fy=fine, interpolation=cv2.INTER_CUBIC)[fine:-fine, fine:-fine]
+    inside = np.clip((wide - 0.5) * 6 + 0.5, 0, 1)
+    rim = np.clip(1 - np.abs(wide - 0.6) * 5, 0, 1)
+    pane = np.array([[x, -deep / 2, z] for x, z in ((0, tall), (long, tall), (long, 0), (0, 0))])
+    height, width = inside.shape
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]])
+    warp = cv2.getPerspectiveTransform(corners.astype(np.float32), camera.pixel(pane).astype(np.float32))
+    size = picture.shape[1], picture.shape[0]
+    veil, edge = (cv2.warpPerspective(x, warp, size, flags=cv2.INTER_AREA) for x in (inside, rim))
+    veil, edge = (x[..., None] * (1 - dry[..., None]) for x in (veil, edge))
+    tinted = picture + WATER_VEIL * veil * (np.array(WATER) - picture)
+    return np.asarray(tinted + 0.25 * edge * (235.0 - tinted))

@@ -13,6 +13,7 @@ from tests.benchmarks.examination_scenes.world import SAMPLE, Edit, Run, Scene, 
 
 NEAR = 0.1, 0.4  # a value is this far from its threshold, in parts of the threshold
 STEPS_AGREE = 0.01  # [m], [s], [m/s] between the step and its half
+SPLASHED = 0.02  # [m], [s], [m/s] the same of water
 STEADY = 0.06  # [m] change of a place when hidden quantities change by a little; more cannot be asked of a clip
 Question = dict[str, Any]
 
@@ -90,6 +91,8 @@ class Asker:
         tied: list[tuple[str, ...]] = [s.bodies for s in scene.strings if len(s.bodies) == 2]
         halves = tied or [(n,) for n in moving]
         things = [b.name for b in scene.bodies] + ([scene.soft.name] if scene.soft else [])
+        things += ["water"] if scene.water else []
+        self.agree = SPLASHED if scene.water else STEPS_AGREE
         self.fact = World(scene, [], duration)
         removed: list[list[Edit]] = [[{"action": "remove", "object": n}] for n in things if len(things) > 1]
         halved: list[list[Edit]] = [
@@ -118,7 +121,7 @@ class Asker:
         if stays < 0.08 or (world.edits and np.linalg.norm(true - fact) < 0.05):
             return None
         coarse, near = (r.place(name, at)[self.indices] for r in world.others)
-        if np.linalg.norm(true - coarse) > STEPS_AGREE or np.linalg.norm(true - near) > STEADY:
+        if np.linalg.norm(true - coarse) > self.agree or np.linalg.norm(true - near) > STEADY:
             return None
         when = f"{after:g} s after the {'moment of the ' if world.edits else ''}clip's last frame"
         verb = "where would the centre of {} be" if world.edits else "Where is the centre of {}"
@@ -149,7 +152,7 @@ class Asker:
             return None
         others = [measure(r) for r in world.others]
         agree = all((v < threshold) == (value < threshold) for v in others)
-        if not agree or abs(value - others[0]) > STEPS_AGREE:
+        if not agree or abs(value - others[0]) > self.agree:
             return None
         predicate: dict[str, Any] = {"predicate": kind}
         if kind == "collides":
@@ -187,7 +190,7 @@ class Asker:
                 value = float(np.linalg.norm(run.places[pair[0]][low] - run.places[pair[1]][low]))
                 threshold = value - gaps[0]
         near = NEAR[0] <= (value - threshold) / threshold <= NEAR[1]
-        if not near or min(gaps) <= 0.0 or abs(gaps[0] - gaps[1]) > STEPS_AGREE:
+        if not near or min(gaps) <= 0.0 or abs(gaps[0] - gaps[1]) > self.agree:
             return None
         return self.collision(world, pair, round(self.end + after - since, 3), "no", value, threshold)
 

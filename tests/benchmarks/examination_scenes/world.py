@@ -1,4 +1,4 @@
-"""Simulate a scene with MuJoCo: free bodies, fixed things, strings over pivots and pulleys, ropes, cloths."""
+"""Simulate a scene: with MuJoCo bodies, fixed things, strings, ropes, cloths; with `water.py` what moves in a tank."""
 
 from __future__ import annotations
 
@@ -11,12 +11,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.benchmarks.examination_scenes.solids import Solid, touching
+from tests.benchmarks.examination_scenes.water import Tank
+
 Array = NDArray[np.float64]
 Edit = dict[str, Any]
 GRAVITY = 9.81  # [m/s^2]
 STEP, BOUNCE_STEP = 2e-4, 1e-4  # [s] without, with bounces on the floor; half of it must give the same
 SAMPLE = 1e-3  # [s] between two stored states
 STIFFNESS = 1200.0  # [rad/s] angular frequency of a contact that bounces: it lasts 2.6 ms
+CELL = 0.02  # [m] of the water's grid, two particles along it; half of it must give the same
 FIRM = "0.004 1"  # solref of contacts and strings that do not bounce: time constant [s], damping ratio
 
 
@@ -32,6 +36,7 @@ class Body:
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     spin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [rad/s], world axes
     yaw: float = 0.0
+    lies: bool = False  # a cylinder whose axis is y
 
     @property
     def shape(self) -> dict[str, Any]:
@@ -76,6 +81,14 @@ class Soft:
 
 
 @dataclass(frozen=True)
+class Water:
+    """Describe a tank with its inner corner at x = z = 0, as deep along y as its bodies, and its water at first."""
+
+    size: tuple[float, float, float]  # inner length, depth and height [m]
+    block: tuple[float, float, float, float]  # x low, z low, x high, z high [m]
+
+
+@dataclass(frozen=True)
 class Scene:
     """Describe all that is simulated; friction is that of the material in a body's name."""
 
@@ -83,6 +96,7 @@ class Scene:
     fixed: tuple[Fixed, ...] = ()
     strings: tuple[String, ...] = ()
     soft: Soft | None = None
+    water: Water | None = None  # without one, but in a tank: a block of no size
     friction: dict[str, float] = field(default_factory=dict)  # against floor and fixed things
     mutual_friction: float = 0.15
     restitution: float = 0.6  # between bodies
@@ -108,6 +122,7 @@ class Run:
     gaps: dict[frozenset[str], Array]  # (samples,) between surfaces [m]
     states: Array  # (samples, nq)
     energy: Array  # (samples,) kinetic and potential [J]
+    filled: list[Array] = field(default_factory=list)  # (samples,) of (nx, nz): parts of the rest density of water
 
     def place(self, name: str, at: float) -> Array:
         """Return a centre at a time [s]."""
@@ -125,6 +140,8 @@ def edited(scene: Scene, edits: list[Edit]) -> Scene:
     for edit in edits:
         name = edit["object"]
         if edit["action"] == "remove":
+            if name == "water" and scene.water is not None:
+                scene = replace(scene, water=replace(scene.water, block=(0.0, 0.0, 0.0, 0.0)))
             soft = None if scene.soft is not None and scene.soft.name == name else scene.soft
             strings = tuple(s for s in scene.strings if name not in s.bodies)
             scene = replace(scene, bodies=tuple(b for b in scene.bodies if b.name != name), soft=soft, strings=strings)
@@ -274,6 +291,8 @@ def start(scene: Scene, model: mujoco.MjModel) -> mujoco.MjData:
 
 def simulate(scene: Scene, duration: float, part: int = 2) -> Run:
     """Simulate a scene from its first frame on for a duration [s], its time step divided by part."""
+    if scene.water is not None:
+        return pour(scene, scene.water, duration, part)
     step = scene.step / part
     model = mujoco.MjModel.from_xml_string(xml(scene, step, {}))
     data = start(scene, model)
@@ -296,4 +315,53 @@ def simulate(scene: Scene, duration: float, part: int = 2) -> Run:
         {frozenset(p): gap[:, i] for i, p in enumerate(pairs)},
         np.array(states),
         np.array(energy),
+    )
+
+
+def pour(scene: Scene, water: Water, duration: float, part: int) -> Run:
+    """Simulate bodies and water in a tank, cells and time step divided by part."""
+    cell = CELL / part
+    solids = []
+    for body in scene.bodies:
+        half = body.half[:1] if body.kind == "cylinder" else body.half[::2]
+        motion = np.array([body.velocity[0], body.velocity[2], -body.spin[1]])
+        place = np.array(body.position)[[0, 2]]
+        friction = scene.friction[body.name.split("_")[1]]
+        solids.append(Solid(half, body.mass / water.size[1], place, motion, friction))
+    tank = Tank(water.size[::2], cell, (water.block,), solids, scene.restitution)
+    step, pairs = cell / 5, list(itertools.combinations(range(len(solids)), 2))
+    states, gaps, energy, filled = [], [], [], []
+    for _ in range(int(duration / step) + 12):
+        states.append([[*s.place, s.angle] for s in solids])
+        gaps.append([touching(solids[i], solids[j])[0] for i, j in pairs])
+        energy.append(tank.energy * water.size[1])
+        filled.append(tank.filled.astype(np.float32))
+        tank.step(step)
+    count = int(duration / SAMPLE) + 12
+    low, rest = np.divmod(np.arange(count) * SAMPLE / step, 1.0)
+    low = low.astype(int)
+
+    def sampled(values: Array) -> Array:
+        share = rest.reshape(-1, *[1] * (values.ndim - 1))
+        return np.asarray((1 - share) * values[low] + share * values[low + 1])
+
+    state, gap = sampled(np.array(states)), sampled(np.array(gaps).reshape(len(states), -1))
+    zero = np.zeros(count)
+    turns = [
+        np.stack([np.cos(a / 2), zero, -np.sin(a / 2), zero], axis=-1)
+        if body.kind == "box"
+        else np.stack([np.cos(a / 2), np.cos(a / 2), -np.sin(a / 2), np.sin(a / 2)], axis=-1) * math.sqrt(0.5)
+        for body, a in zip(scene.bodies, state[..., 2].T, strict=True)
+    ]
+    places = {
+        b.name: np.stack([s[:, 0], zero, s[:, 1]], axis=-1)
+        for b, s in zip(scene.bodies, state.swapaxes(0, 1), strict=True)
+    }
+    poses = [x for b, turn in zip(scene.bodies, turns, strict=True) for x in (places[b.name], turn)]
+    return Run(
+        places,
+        {frozenset(scene.bodies[k].name for k in pair): gap[:, i] for i, pair in enumerate(pairs)},
+        np.concatenate(poses, axis=1),
+        sampled(np.array(energy)),
+        [filled[i] for i in low],
     )
