@@ -185,12 +185,9 @@ class FitRun:
 def run_fit(inputs: Sequence[FitInput], request: FitRequest, progress: Progress) -> FitRun:
     """Fit the constants that cases share and the initial states of each; a cancelled fit returns the best so far."""
     curve = ErrorCurve("iteration", SIGMA)
-    best = math.inf
 
     def watch(share: float, step: str, error: float) -> None:
-        nonlocal best
-        best = min(best, error)
-        curve.add(error, best)
+        curve.add(error, error)  # a descent never rises: where the error does, it is of more of the data than before
         progress.note(share, 1.0, f"{step}, misfit {in_words(error, SIGMA)}")
 
     first = inputs[0].world

@@ -1,10 +1,25 @@
-// Files for a person to take away: pictures of canvases, tables of numbers.
+// Files for a person to take away: pictures of canvases, plots, tables of numbers.
+import { render, type VNode } from "preact";
 
 /** A button that saves what a canvas shows. canvas: drawn in this very moment, since WebGL keeps no picture. */
 export function PictureButton({ name, canvas }: { name: string; canvas: () => HTMLCanvasElement | null | undefined }) {
   return (
     <button class="small" title={`Save as ${name}.png`} onClick={() => picture(canvas(), (made) => save(`${name}.png`, made))}>
       PNG
+    </button>
+  );
+}
+
+/** A button that saves a plot as SVG. */
+export function VectorButton({ name, drawing }: { name: string; drawing: () => VNode }) {
+  const text = () => {
+    const into = document.createElement("div");
+    render(drawing(), into);
+    return new XMLSerializer().serializeToString(into.firstElementChild!);
+  };
+  return (
+    <button class="small" title={`Save as ${name}.svg`} onClick={() => save(`${name}.svg`, new Blob([text()], { type: "image/svg+xml" }))}>
+      SVG
     </button>
   );
 }
