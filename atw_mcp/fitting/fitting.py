@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from atw_mcp.calls.error_curve import SIGMA, ErrorCurve, in_words
 from atw_mcp.calls.jobs import Progress
 from atw_mcp.fitting.verdict import FitVerdict, judge
+from polyworld.core.reported import json_ready
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.accuracy import Accuracy, Prediction, json_ready
+from polyworld.estimation.accuracy import Accuracy, Prediction
 from polyworld.estimation.declared import flat
 from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.fitted import FittedConstant, FittedRun, Method, StudyFit

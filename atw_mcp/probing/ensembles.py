@@ -210,9 +210,7 @@ def _ensemble(app: App, descent: Lineage, count: int, content: Content) -> Ensem
 def members_of(content: Content) -> tuple[Rollout, ...]:
     """Return the rollouts of a stored ensemble's members."""
     return tuple(
-        rollout_from(
-            document, {k.partition("/")[2]: v for k, v in content.arrays.items() if k.startswith(f"{i}/")}
-        )
+        rollout_from(document, {k.partition("/")[2]: v for k, v in content.arrays.items() if k.startswith(f"{i}/")})
         for i, document in enumerate(content.document["members"])
     )
 

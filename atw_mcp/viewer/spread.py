@@ -36,6 +36,4 @@ def spread_view(store: EvidenceStore, world: str, names: Sequence[str], blocks: 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # where no member has the object, the quantiles are NaN
         low, high = np.nanquantile(places, QUANTILES, axis=0)
-    return Spread(
-        members=len(runs), times=blocks.floats(times[rows]), low=blocks.floats(low), high=blocks.floats(high)
-    )
+    return Spread(members=len(runs), times=blocks.floats(times[rows]), low=blocks.floats(low), high=blocks.floats(high))

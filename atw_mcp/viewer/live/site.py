@@ -1,4 +1,4 @@
-"""The pages of `atw-mcp view`: a list of cases; for each its page, its document, its film, its changes and notes in it."""
+"""The pages of `atw-mcp view`: a list of cases; for each its page, its document, film, changes, and notes in it."""
 
 from __future__ import annotations
 

@@ -100,7 +100,9 @@ def _rollout(blocks: Blocks, branch: bool, events: list[view.EventMark]) -> view
         pushes=[],
         misfits=[],
         sampled="",
-        spread=None if branch else view.Spread(
+        spread=None
+        if branch
+        else view.Spread(
             members=40,
             times=blocks.floats(TIMES),
             low=blocks.floats(where - SPREAD),
