@@ -315,7 +315,7 @@ def calibrate_camera(
 
 
 class KnownPlaces(BaseModel):
-    """What a person is asked for where a call says nothing of the scale."""
+    """Ask a person for a length or for places where a call says nothing of the scale."""
 
     length: str = Field(
         default="", description="a known length [m] and the pixels of its ends: 0.30 120 200 400 200", max_length=200

@@ -1,4 +1,4 @@
-"""What the data allow of a rollout: quantiles of each coordinate over the members of an ensemble of the same world."""
+"""Compute what the data allow of a rollout: quantiles of each coordinate over the members of an ensemble of the same world."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def test_a_chosen_constant_is_fitted_to_a_recording(ball: World, recording: Reco
     assert World.model_validate(written["runs"][0]["world"]).id == found.runs[0].world.id
     table = ElementTree.fromstring(found._repr_html_())
     assert table.findtext("caption") == text.splitlines()[0]
-    assert table.findtext("tr/td") == "objects.ball.linear_damping"
+    assert table.findtext("tr/td") == constant.unknown.name
 
 
 def test_a_constant_that_is_not_there_names_the_choices(ball: World, recording: Recording) -> None:
