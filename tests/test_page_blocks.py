@@ -27,7 +27,7 @@ FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 INDENTED = re.compile(r"(?:(?<=\n\n)|\A)((?: {4}.*\n)+)")
 COMMAND = re.compile(r"^(?:\$ )?(?:pip install uv && )?uv run (?:--\w+ \w+ )*(?=\S)(.*)$")
 TOOLS = {entry["name"]: DeferredTool.from_entry(entry) for entry in manifest.entries()}
-QUICK = ("tools", "call OpenCase", "call DescribeTool", "run", "schema", "import-world", "export-world world.json")
+QUICK = ("tools", "call OpenCase", "run", "schema", "import-world", "export-world world.json")
 """Commands that run here, in a folder that holds what they name."""
 ROBOT = """<mujoco><worldbody><geom type="plane" size="5 5 1"/><body name="ball" pos="0 0 1"><freejoint/>
 <geom type="sphere" size="0.1" mass="1"/></body></worldbody>
@@ -88,7 +88,7 @@ def test_quick_commands_of_the_pages_run(
     (tmp_path / "robot.xml").write_text(ROBOT)
     (tmp_path / "ask.atw").write_text(next(body for body in scripts() if "clip.mp4" in body))
     quick = [words for words in commands() if " ".join(words).startswith(QUICK)]
-    assert len(quick) >= 8
+    assert len(quick) >= 7
     for words in quick:
         calls = words[0] in ("call", "run")
         assert cli.main([*words, *(["--store", "atw.db"] if calls else [])]) == 0, words
