@@ -33,7 +33,8 @@ def object_name(app: App, case: Case, name: str, known: Sequence[str]) -> str:
     )
     if not 2 <= len(known) <= MOST_ASKED:
         raise ToolError(refusal)
-    form = create_model("Meant", object=(Literal[tuple(known)], Field(title="Object", description="that is meant")))
+    choice: Any = (Literal[tuple(known)], Field(title="Object", description="that is meant"))
+    form = create_model("Meant", object=choice)
     raise Question(
         refusal,
         f"Which object of case {case.id!r} is meant by {name!r}?",

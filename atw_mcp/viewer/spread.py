@@ -1,4 +1,4 @@
-"""Compute what the data allow of a rollout: quantiles of each coordinate over the members of an ensemble of the same world."""
+"""Compute what the data allow of a rollout: quantiles of coordinates over the members of an ensemble of its world."""
 
 from __future__ import annotations
 
