@@ -12,12 +12,14 @@ from mcp.client.context import ClientRequestContext
 from mcp_types import CallToolResult, ElicitRequestParams, ElicitResult, TextContent
 
 from atw_mcp.calls.app import App
-from atw_mcp.server import build_server
 from evidence_store import EvidenceStore
-from tests.atw_mcp.connections import Mode
+from tests.atw_mcp.connections import TRANSPORTS, Mode, connection
 from tests.atw_mcp.two_discs import case_with, two_discs
 
 MODES: tuple[Mode, ...] = ("auto", "legacy")
+
+
+REPLIES = [ElicitResult(action="accept", content={"object": name}) for name in ("target", "striker")]
 
 
 @pytest.fixture
@@ -34,6 +36,7 @@ def called(
     tool: str,
     arguments: dict[str, Any],
     replies: list[ElicitResult] | None,
+    transport: str = "memory",
 ) -> tuple[CallToolResult, list[str]]:
     """Call a tool as a client whose person gives these replies one after another; None: it offers no elicitation."""
     asked: list[str] = []
@@ -43,12 +46,12 @@ def called(
         assert replies is not None
         return replies[len(asked) - 1]
 
-    async def session() -> CallToolResult:
-        callback = None if replies is None else reply
-        async with Client(build_server(store), mode=mode, elicitation_callback=callback) as client:
+    async def session(entered: Client) -> CallToolResult:
+        async with entered as client:
             return await client.call_tool(tool, arguments)
 
-    return anyio.run(session), asked
+    with connection(transport, store, mode, elicitation_callback=None if replies is None else reply) as client:
+        return anyio.run(session, client), asked
 
 
 def text(result: CallToolResult) -> str:
@@ -58,21 +61,25 @@ def text(result: CallToolResult) -> str:
 @pytest.mark.parametrize("mode", MODES)
 def test_a_person_says_which_object_is_meant(store: Path, mode: Mode) -> None:
     edits = [{"action": "remove", "object": "the puck"}]
-    replies = [ElicitResult(action="accept", content={"object": name}) for name in ("target", "striker")]
-    result, asked = called(store, mode, "Rollout", {"case": "discs", "edits": edits}, replies)
+    result, asked = called(store, mode, "Rollout", {"case": "discs", "edits": edits}, REPLIES)
     assert not result.is_error, text(result)
     assert asked == ["Which object of case 'discs' is meant by 'the puck'?"]
     opened = EvidenceStore(store)
     (row,) = opened.evidence.of_case("discs", tool="Rollout")
     assert row.arguments["edits"] == [{"action": "remove", "object": "target"}], "what was meant is what is recorded"
     opened.close()
+
+
+@pytest.mark.parametrize("transport", TRANSPORTS)
+@pytest.mark.parametrize("mode", MODES)
+def test_two_names_are_asked_one_after_the_other_over_every_transport(store: Path, mode: Mode, transport: str) -> None:
     plain = called(store, mode, "Rollout", {"case": "discs"}, None)[0].structured_content
     assert plain is not None
     base = plain["data"]["rollout"]
     meet = {"predicate": "collides", "a": "the puck", "b": "that other"}
-    result, asked = called(store, mode, "QueryWorld", {"rollout": base, "predicate": meet}, replies)
+    result, asked = called(store, mode, "QueryWorld", {"rollout": base, "predicate": meet}, REPLIES, transport)
     assert not result.is_error, text(result)
-    assert len(asked) == 2, "of two names one after the other"
+    assert len(asked) == 2
 
 
 @pytest.mark.parametrize("mode", MODES)
