@@ -244,6 +244,10 @@ def test_one_coordinate_against_another_is_drawn_and_saved(page: Page, tmp_path:
             page.click(f".series button:text-is('{button}')")
         found.value.save_as(path := tmp_path / button)
         saved[button] = path.read_text(encoding="utf-8")
+    with page.expect_download() as found:
+        page.click(".series button:text-is('PNG')")
+    found.value.save_as(path := tmp_path / "picture.png")
+    assert cv2.imread(str(path)).std() > 5.0, "something is drawn"
     header, *rows = csv.reader(saved["CSV"].splitlines())
     assert header == ["source", "object", "t [s]", "position x [m]", "position y [m]"]
     base = np.array([row[3:] for row in rows if row[:2] == ["as built", "blue_cube"]], float)

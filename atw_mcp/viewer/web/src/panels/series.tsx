@@ -5,7 +5,7 @@ import { useEffect, useRef } from "preact/hooks";
 import type { RolloutView } from "../document";
 import { digits, moment, words } from "../format";
 import { legible } from "../legible";
-import { PictureButton, TableButton, VectorButton } from "../save";
+import { drawn, PictureButton, TableButton, VectorButton } from "../save";
 import { document, duration, object, observedRun as run, other, otherWorld, rollout, time, track, world } from "../state";
 import { dark } from "../theme";
 import { Chart, type ChartOf } from "./chart";
@@ -169,7 +169,10 @@ function Controls() {
         </span>
       )}
       <TableButton name={fileName()} rows={rows} />
-      {!across.value && <PictureButton name={fileName()} canvas={() => window.document.querySelector(".series canvas")} />}
+      <PictureButton
+        name={fileName()}
+        canvas={() => (across.value ? drawn(<Chart {...chart()} />) : window.document.querySelector<HTMLCanvasElement>(".series canvas"))}
+      />
       <VectorButton name={fileName()} drawing={() => <Chart {...chart()} />} />
       {zoomed.value && !across.value && (
         <button onClick={() => (zoomed.value = null)}>
