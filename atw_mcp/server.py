@@ -31,6 +31,7 @@ where it is needed, so that the others start quickly.
 
 from __future__ import annotations
 
+import base64
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -44,7 +45,7 @@ from mcp.server.lowlevel.helper_types import ReadResourceContents
 from mcp.server.mcpserver.context import Context
 from mcp.server.mcpserver.exceptions import ToolError
 from mcp.server.mcpserver.tools import Tool
-from mcp_types import CallToolResult, InputRequiredResult
+from mcp_types import CallToolResult, Icon, InputRequiredResult
 from mcp_types import Tool as ListedTool
 from pydantic import AnyUrl
 
@@ -67,6 +68,14 @@ from atw_mcp.viewer import in_parts
 
 GROUPS: tuple[ToolGroup, ...] = ()
 """Tools that are served beside those of the manifest: tests add theirs."""
+
+
+ICON = "data:image/svg+xml;base64," + base64.b64encode(
+    b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32"><rect width="32" height="32" rx="6" fill="#00659e"/>'
+    b'<path d="M4 9Q10 26 16 26Q22 14 28 26" fill="none" stroke="#fff" stroke-width="2" stroke-dasharray="3 2"/>'
+    b'<circle cx="4" cy="9" r="3" fill="#e69f00"/></svg>'
+).decode("ascii")
+"""A ball that bounces."""
 
 
 def default_store() -> Path:
@@ -147,6 +156,7 @@ def build_server(
     server = WorldServer(
         "asking-the-world",
         title="Asking the World",
+        icons=[Icon(src=ICON, mime_type="image/svg+xml", sizes=["any"])],
         instructions=instructions(app.selection),
         version=installed_version(),
         tools=list[Tool](app.served),

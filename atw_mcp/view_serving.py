@@ -33,7 +33,10 @@ def view(store: Path, case: str | None, port: int, *, browser: bool) -> int:
         listening = socket.create_server(("127.0.0.1", port))
         token = secrets.token_urlsafe(TOKEN_BYTES)
         where = address(token, listening.getsockname()[1], case)
-        print(f"following {opened.path}; whoever has this address can read it, Ctrl-C ends it:\n{where}", flush=True)
+        print(
+            f"following {opened.path}; whoever has this address can read it and leave notes, Ctrl-C ends it:\n{where}",
+            flush=True,
+        )
         if browser and has_display():
             threading.Thread(target=webbrowser.open, args=(where,), daemon=True).start()
         try:

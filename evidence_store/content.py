@@ -46,6 +46,15 @@ class ContentTable:
             raise UnknownRecord(f"no {self._table.rstrip('s')} has the id {identifier!r}")
         return found
 
+    def latest(self, kind: str, name: str, value: str) -> Content | None:
+        """The result of this kind stored last among those with this value of an input, or None."""
+        with self._connection.read() as database:
+            found = database.conn.execute(
+                f"SELECT id FROM {self._table} WHERE kind = ? AND json_extract(inputs, ?) = ? ORDER BY rowid DESC",
+                [kind, f"$.{name}", value],
+            ).fetchone()
+        return None if found is None else self._row(found[0])
+
     def put(self, kind: str, inputs: dict[str, Any], document: dict[str, Any], arrays: Arrays | None = None) -> Content:
         """Store a result; the first one stored for equal inputs stays."""
         identifier = self.key(kind, inputs)

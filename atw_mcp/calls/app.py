@@ -175,7 +175,7 @@ class App:
             progress = {"done": job.done, "total": job.total, "message": job.message}
             summary = (
                 f"{record.summary}; still running: ReadEvidence(evidence={record.id!r}) shows its progress, "
-                "with cancel=true it stops it"
+                "CancelWork stops it"
             )
             record = replace(record, summary=summary, payload={"data": {"progress": progress}})
         return to_result(record, whole=whole)

@@ -19,7 +19,7 @@ Schema = dict[str, Any]
 
 @dataclass(frozen=True)
 class Room:
-    """Most characters that each part of a tool may take in the list. Together they keep it below 40 kB."""
+    """Most characters that each part of a tool may take in the list. Together they keep all tools within 41 kB."""
 
     description: int = 180  # of a tool, beside its "Next: ..."
     argument: int = 60  # clauses of an argument's description; the first one is always kept
@@ -36,7 +36,6 @@ def brief_tool(tool: Tool) -> Tool:
     """Return the tool as the list shows it."""
     return tool.model_copy(
         update={
-            "title": None,  # the name says it
             "description": brief_description(tool.description or ""),
             "input_schema": brief_input(tool.input_schema),
             "output_schema": None if tool.output_schema is None else brief_output(tool.output_schema),

@@ -130,7 +130,7 @@ class JobRunner:
         """
         reason = self._limits.exceeded()
         if reason is not None:
-            raise ToolError(f"{tool} cannot begin: {reason}. Wait for running work, or cancel it with ReadEvidence")
+            raise ToolError(f"{tool} cannot begin: {reason}. Wait for running work, or cancel it with CancelWork")
         with self._guard, self._store.transaction():
             other = self._store.jobs.working_on(work.key)
             if other is not None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from mcp.server.mcpserver.exceptions import ToolError
+from pydantic import Field, create_model
 
 from atw_mcp.calls.app import App
+from atw_mcp.calls.questions import Question
 from atw_mcp.calls.spelling import did_you_mean
 from evidence_store import Case
 
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from polyworld.world import World
 
 NAME_FIELDS = ("object", "a", "b")  # of edits and predicates
+MOST_ASKED = 30  # objects that a person is asked to choose among
 # Parts of a world that an edit may remove by name although they are no objects.
 CONNECTING = ("joints", "attachments", "pulleys", "emitters", "drains", "containers")
 
@@ -24,10 +27,29 @@ def object_name(app: App, case: Case, name: str, known: Sequence[str]) -> str:
     meant = _meant(app, case, name, known)
     if meant is not None:
         return meant
-    raise ToolError(
+    refusal = (
         f"no object {name!r}{did_you_mean(_plain(name), known)}; objects: {list(known)}. "
         "UpdateBindings ties other names to them"
     )
+    if not 2 <= len(known) <= MOST_ASKED:
+        raise ToolError(refusal)
+    choice: Any = (Literal[tuple(known)], Field(title="Object", description="that is meant"))
+    form = create_model("Meant", object=choice)
+    raise Question(
+        refusal,
+        f"Which object of case {case.id!r} is meant by {name!r}?",
+        form,
+        lambda arguments, meant: _replaced(arguments, name, meant.object),
+    )
+
+
+def _replaced(value: Any, name: str, by: str) -> Any:
+    """Arguments with a name replaced wherever it stands alone."""
+    if isinstance(value, dict):
+        return {key: _replaced(item, name, by) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_replaced(item, name, by) for item in value]
+    return by if value == name else value
 
 
 def chosen_names(app: App, case: Case, names: Sequence[str] | None, known: Sequence[str]) -> list[str]:

@@ -19,7 +19,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from mcp.server.mcpserver.tools import Tool
 from mcp.server.mcpserver.utilities.func_metadata import FuncMetadata, func_metadata
 from mcp.shared.exceptions import MCPError
-from mcp_types import CallToolResult, ToolAnnotations
+from mcp_types import CallToolResult, InputRequiredResult, ToolAnnotations
 from pydantic import ValidationError
 
 from atw_mcp.calls import tasks
@@ -28,6 +28,7 @@ from atw_mcp.calls.apps import SHOWN_WITH
 from atw_mcp.calls.following import follow
 from atw_mcp.calls.jobs import LongWork, RunningJob
 from atw_mcp.calls.limits import releasing
+from atw_mcp.calls.questions import Question, asked
 from atw_mcp.calls.result_schemas import referenced_schema, report_mismatch, result_schema
 from atw_mcp.calls.results import Answer, to_result, validation_text
 from atw_mcp.calls.roots import allow_roots
@@ -80,6 +81,11 @@ class WorldTool(Tool):
             return to_result(record)
         except MCPError:
             raise
+        except Question as question:
+            answered = await asked(question, arguments, context)
+            if answered is None:
+                raise
+            return answered if isinstance(answered, InputRequiredResult) else await self.run(answered, context)
         except (ToolError, StoreError) as error:
             raise ToolError(app.files.redacted(str(error))) from error
         except Exception as error:

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from atw_mcp.calls.error_curve import SIGMA, ErrorCurve, in_words
 from atw_mcp.calls.jobs import Progress
 from atw_mcp.fitting.verdict import FitVerdict, judge
+from polyworld.core.reported import json_ready
 from polyworld.data.tracks import ObservedTracks
-from polyworld.estimation.accuracy import Accuracy, Prediction, json_ready
+from polyworld.estimation.accuracy import Accuracy, Prediction
 from polyworld.estimation.declared import flat
 from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.fitted import FittedConstant, FittedRun, Method, StudyFit
@@ -185,12 +186,9 @@ class FitRun:
 def run_fit(inputs: Sequence[FitInput], request: FitRequest, progress: Progress) -> FitRun:
     """Fit the constants that cases share and the initial states of each; a cancelled fit returns the best so far."""
     curve = ErrorCurve("iteration", SIGMA)
-    best = math.inf
 
     def watch(share: float, step: str, error: float) -> None:
-        nonlocal best
-        best = min(best, error)
-        curve.add(error, best)
+        curve.add(error, error)  # a descent never rises: where the error does, it is of more of the data than before
         progress.note(share, 1.0, f"{step}, misfit {in_words(error, SIGMA)}")
 
     first = inputs[0].world

@@ -13,8 +13,8 @@ from atw_mcp.gap.progress import GapProgress
 from atw_mcp.gap.unknowns import unknown_of
 from atw_mcp.gap.words import discrepancy_text, verdict_text, worth_text
 from polyworld.core import interruption
+from polyworld.core.reported import json_ready
 from polyworld.data.recording import Recording
-from polyworld.estimation.accuracy import json_ready
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap import GapReport, GapSettings, find_gap
 from polyworld.gap.candidate import Candidate, Variant, with_parts

@@ -187,10 +187,6 @@ def _members(app: App, descent: Lineage, count: int) -> tuple[World, ...]:
 def _ensemble(app: App, descent: Lineage, count: int, content: Content) -> Ensemble:
     unknowns = descent.sample.document["unknowns"]
     values = descent.sample.arrays["values"][:count]
-    rollouts = []
-    for i, document in enumerate(content.document["members"]):
-        own = {k.partition("/")[2]: v for k, v in content.arrays.items() if k.startswith(f"{i}/")}
-        rollouts.append(rollout_from(document, own))
     worlds = _members(app, descent, count)
     parameters, units = _constants(descent.sample, worlds, count)
     known = parameter_paths(worlds[0])
@@ -205,9 +201,17 @@ def _ensemble(app: App, descent: Lineage, count: int, content: Content) -> Ensem
         why=why,
         fitted_until=float(descent.sample.document["until"]),
         worlds=worlds,
-        rollouts=tuple(rollouts),
+        rollouts=members_of(content),
         parameters=parameters,
         units=units,
+    )
+
+
+def members_of(content: Content) -> tuple[Rollout, ...]:
+    """Return the rollouts of a stored ensemble's members."""
+    return tuple(
+        rollout_from(document, {k.partition("/")[2]: v for k, v in content.arrays.items() if k.startswith(f"{i}/")})
+        for i, document in enumerate(content.document["members"])
     )
 
 

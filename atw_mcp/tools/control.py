@@ -161,10 +161,9 @@ def read_evidence(
         Literal["summary", "full"], Field(description="full: all the data, up to 13,000 tokens")
     ] = "summary",
     wait_seconds: Annotated[float, Field(ge=0, le=600, description="longest wait for running work [s]")] = 0.0,
-    cancel: Annotated[bool, Field(description="stop the work if it is still running")] = False,
 ) -> CallToolResult | Waiting:
     """Return an earlier result without running anything again, or search the evidence of a case. Of running work it
-    gives the progress (cancel=true stops it); of a long result the part at `path`, list items from `cursor` on."""
+    gives the progress; of a long result the part at `path`, list items from `cursor` on."""
     searched = {"tool": tool, "object": object, "interval": interval, "text": text}
     if evidence is None:
         if case is None:
@@ -173,17 +172,9 @@ def read_evidence(
     unused = [name for name, value in searched.items() if value is not None]
     if unused:
         raise ToolError(f"{', '.join(unused)} search the evidence of a case: leave evidence out, or them")
-    try:
-        record = app.store.read_evidence(evidence)
-    except UnknownRecord as error:
-        raise ToolError(f"{error}. Next: ReadEvidence(case={case_hint(app)}) lists the evidence of a case") from error
+    record = _record(app, evidence)
     if case is not None and record.case != app.case(case).id:
         raise ToolError(f"{evidence} belongs to case {record.case!r}, not to {case!r}")
-    if cancel:
-        if record.status != "running":
-            raise ToolError(f"{evidence} is {record.status} already: there is nothing to cancel")
-        app.jobs.cancel(evidence)
-        wait_seconds = max(wait_seconds, CANCEL_SECONDS)
 
     def result() -> CallToolResult:
         if path is not None or fields is not None:
@@ -194,6 +185,25 @@ def read_evidence(
     if record.status == "running" and wait_seconds > 0:
         return Waiting(evidence, wait_seconds, result)
     return result()
+
+
+@GROUP.tool("CancelWork", title="Cancel running work", read_only=False, pictures=True, returns=Unfinished | Json)
+def cancel_work(
+    app: App, evidence: Annotated[str, Field(pattern=EVIDENCE_PATTERN, description="id of the work, e.g. ev-12")]
+) -> Waiting:
+    """Stop work that is still running. What it has found so far is kept where the tool keeps it."""
+    record = _record(app, evidence)
+    if record.status != "running":
+        raise ToolError(f"{evidence} is {record.status} already: there is nothing to cancel")
+    app.jobs.cancel(evidence)
+    return Waiting(evidence, CANCEL_SECONDS, lambda: app.evidence_result(evidence))
+
+
+def _record(app: App, evidence: str) -> Evidence:
+    try:
+        return app.store.read_evidence(evidence)
+    except UnknownRecord as error:
+        raise ToolError(f"{error}. Next: ReadEvidence(case={case_hint(app)}) lists the evidence of a case") from error
 
 
 def _found(app: App, case: str, searched: dict[str, Any], cursor: int, limit: int | None) -> Evidence:

@@ -6,10 +6,11 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from mcp.server.mcpserver.exceptions import ToolError
-from pydantic import Field
+from pydantic import BaseModel, Field
 from pydantic.json_schema import SkipJsonSchema
 
 from atw_mcp.calls.app import App
+from atw_mcp.calls.questions import Question
 from atw_mcp.calls.results import Answer, explained, plain
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.observation import importing
@@ -283,7 +284,15 @@ def calibrate_camera(
     ways = {"points": points, "homography": homography, "known_length": known_length, "camera": camera}
     given = [name for name, value in ways.items() if value is not None]
     if len(given) != 1:
-        raise ToolError(f"CalibrateCamera takes exactly one of {', '.join(ways)}; got {' and '.join(given) or 'none'}")
+        refusal = f"CalibrateCamera takes exactly one of {', '.join(ways)}; got {' and '.join(given) or 'none'}"
+        if given:
+            raise ToolError(refusal)
+        raise Question(
+            refusal,
+            f"What is known of lengths and places in {found.id!r}? Fill in one of both.",
+            KnownPlaces,
+            _with_places,
+        )
     size = _image_size(found, image_size)
     view = None
     with explained():
@@ -303,6 +312,32 @@ def calibrate_camera(
     inputs = plain({**ways, "plane_z": plane_z, "intrinsics": intrinsics, "size": size})
     content = keep_calibration(app, found, made, inputs, side_view=view == "side")
     return _camera_answer(found, content.id, made)
+
+
+class KnownPlaces(BaseModel):
+    """Ask a person for a length or for places where a call says nothing of the scale."""
+
+    length: str = Field(
+        default="", description="a known length [m] and the pixels of its ends: 0.30 120 200 400 200", max_length=200
+    )
+    points: str = Field(
+        default="",
+        description="4 or more points of the floor [m] with their pixels: 0 0 120 200; 1 0 400 200; ...",
+        max_length=4000,
+    )
+
+
+def _with_places(arguments: dict[str, Any], known: KnownPlaces) -> dict[str, Any]:
+    """Return the call with what a person has filled in; raises ToolError where that cannot be read."""
+    try:
+        if known.points.strip():
+            rows = [[float(x) for x in row.split()] for row in known.points.replace(",", " ").split(";") if row.strip()]
+            points = [{"world": [x, y, 0.0], "pixel": [u, v]} for x, y, u, v in rows]
+            return {**arguments, "points": points}
+        length, u0, v0, u1, v1 = (float(x) for x in known.length.replace(",", " ").split())
+    except ValueError as error:
+        raise ToolError(f"the answer could not be read as numbers ({error}); ask again, or give points") from error
+    return {**arguments, "known_length": {"first_pixel": [u0, v0], "second_pixel": [u1, v1], "length": length}}
 
 
 def _matrix_within(record: dict[str, Any]) -> str:

@@ -17,12 +17,14 @@ from atw_mcp.viewer.lineage import provenance
 from atw_mcp.viewer.observed import observed_view, run_view, tracks_view
 from atw_mcp.viewer.packing import Blocks
 from atw_mcp.viewer.paths import without_folders
-from atw_mcp.viewer.records import CaseRecords, read_case
+from atw_mcp.viewer.records import UNREADABLE, CaseRecords, read_case
 from atw_mcp.viewer.rollouts import rollout_view
 from atw_mcp.viewer.running import running_views
 from atw_mcp.viewer.sampling import numbers_per_sample, shares
+from atw_mcp.viewer.spread import spread_view
 from atw_mcp.viewer.worlds import world_view
 from evidence_store import Evidence, EvidenceStore, StoreError
+from polyworld.trajectory import Rollout
 
 
 def case_document(
@@ -165,9 +167,18 @@ def _rollouts(read: CaseRecords, blocks: Blocks) -> list[view.RolloutView]:
             edits=read.edits(result.world_id),
             tracks=read.tracks_of(result.world_id),
             most_numbers=most,
+            spread=_spread(read, result, blocks),
         )
         for (rollout, result), most in zip(read.rollouts.items(), shares(needs), strict=True)
     ]
+
+
+def _spread(read: CaseRecords, result: Rollout, blocks: Blocks) -> view.Spread | None:
+    try:
+        return spread_view(read.store, result.world_id, result.trajectory.names, blocks)
+    except UNREADABLE as error:
+        read.missing.append(f"What the data allow of {result.world_id} is not shown: {error}.")
+        return None
 
 
 def _colors(read: CaseRecords) -> dict[str, str]:

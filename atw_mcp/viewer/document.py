@@ -408,6 +408,15 @@ class Misfit(Part):
     rms: float | None = Field(description="root mean square distance [m]")
 
 
+class Spread(Part):
+    """Where the members of an ensemble of the same world are: the 5% and 95% quantiles of each coordinate."""
+
+    members: int
+    times: Block = Field(description="float32 (S,) [s]")
+    low: Block = Field(description="float32 (S, n, 3) [m], NaN where no member has the object")
+    high: Block = Field(description="float32 (S, n, 3) [m]")
+
+
 class EditWords(Part):
     """An intervention that made a branch."""
 
@@ -440,6 +449,7 @@ class RolloutView(Part):
     pushes: list[EffectPush]
     misfits: list[Misfit] = Field(description="empty for branches, which are meant to differ")
     sampled: str = Field(description="empty, or how the samples shown were chosen from those stored")
+    spread: Spread | None = Field(default=None, description="null where no ensemble of the world is stored")
 
 
 class Displaced(Part):

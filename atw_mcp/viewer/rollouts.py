@@ -34,6 +34,7 @@ def rollout_view(
     edits: list[view.EditWords] | None = None,
     tracks: ObservedTracks | None = None,
     most_numbers: int = MOST_NUMBERS,
+    spread: view.Spread | None = None,
 ) -> view.RolloutView:
     """Return a rollout of a world.
 
@@ -70,6 +71,7 @@ def rollout_view(
         pushes=pushes_view(world, replace(result, trajectory=run), blocks),
         misfits=[] if tracks is None else misfits_view(world, whole, tracks, blocks),
         sampled="; ".join(note for note in notes if note),
+        spread=spread,
     )
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.core.reported import json_ready
 from polyworld.data.tracks import ObservedTracks, without_spread
 from polyworld.estimation.fit_settings import ModelSettings
 from polyworld.estimation.problem import Block
@@ -123,17 +124,6 @@ def errors(readout: RunReadout, batch: BatchTrajectory, first: int, last: int) -
 def _rms(parts: Sequence[Array]) -> float:
     sizes = np.concatenate([np.zeros(0), *parts])
     return float(np.sqrt(np.mean(sizes**2))) if len(sizes) else float("nan")
-
-
-def json_ready(value: Any) -> Any:
-    """Replace tuples by lists and numbers that are not finite by None."""
-    if isinstance(value, dict):
-        return {key: json_ready(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [json_ready(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 BEYOND = (0.5, 1.0)  # [s] after the last frame

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.core.reported import Reported, json_ready
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.accuracy import Accuracy, Prediction, errors
 from polyworld.estimation.declared import Rolling
@@ -53,6 +54,19 @@ class FittedConstant:
         near = 0.01 * (high - low)
         return bool(value > high - near or (value < low + near and u.lower > 0.0))
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return JSON-ready values, without the draws."""
+        return {
+            "name": self.unknown.name,
+            "paths": list(self.unknown.paths),
+            "value": self.value,
+            "unit": self.unknown.unit,
+            "standard_error": self.standard_error,
+            "interval80": list(self.interval),
+            "informed": self.informed,
+            "at_bound": self.at_bound,
+        }
+
 
 @dataclass(frozen=True)
 class FittedRun:
@@ -74,12 +88,22 @@ class FittedRun:
     slack: tuple[float, ...]
     frames: tuple[int, int]
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fitted world and how it follows the data as JSON-ready values."""
+        judged = {"accuracy": self.accuracy, "held_out": self.held_out, "prediction": self.prediction}
+        return {
+            "run": self.name,
+            "world": self.world.model_dump(mode="json"),
+            "frames": list(self.frames),
+            **{name: None if found is None else found.to_dict() for name, found in judged.items()},
+        }
+
     def __repr__(self) -> str:
         return f"FittedRun({self.name!r}: {self.world.id}, frames {self.frames[0]} to {self.frames[1]})"
 
 
-@dataclass(frozen=True)
-class StudyFit:
+@dataclass(frozen=True, repr=False)
+class StudyFit(Reported):
     """A fitted study. cost: robust chi-square with priors at the minimum, and where the fit started; misfit: mean
     robust chi-square of a measured component. rolling: how what can roll moves. others: of the modes that were not
     taken, minus twice the logarithm of their evidence over that of the best."""
@@ -113,8 +137,21 @@ class StudyFit:
             lines.append(f"  run {run.name}: {'; '.join(said) or 'diverges'}")
         return "\n".join(lines)
 
-    def __repr__(self) -> str:
-        return self.summary()
+    def to_dict(self) -> dict[str, Any]:
+        """Return constants, and how each run follows and predicts, as JSON-ready values; draws are left out."""
+        found: dict[str, Any] = json_ready(
+            {
+                "method": self.method,
+                "misfit": self.misfit,
+                "constants": [c.to_dict() for c in self.constants],
+                "runs": [r.to_dict() for r in self.runs],
+                "rolling": self.rolling,
+                "effective": self.effective,
+                "rollouts": self.rollouts,
+                "cancelled": self.cancelled,
+            }
+        )
+        return found
 
     def constant(self, name: str) -> FittedConstant:
         """Return a constant by name; raises KeyError naming the choices."""

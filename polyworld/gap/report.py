@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.estimation.accuracy import json_ready
+from polyworld.core.reported import Reported, json_ready
 from polyworld.estimation.readout import CHANNELS
 from polyworld.gap.experiment import Experiment
 from polyworld.gap.fitting import Fitted
@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 LISTED = 8  # hypotheses
 
 
-@dataclass(frozen=True)
-class GapReport:
+@dataclass(frozen=True, repr=False)
+class GapReport(Reported):
     """The outcome of the search for the gap.
 
     null: the base, fitted. pool: all hypotheses fitted to the end, best first. sealed: the gap on runs that no step has
@@ -35,8 +35,8 @@ class GapReport:
     """
 
     verdict: Verdict
-    null: Fitted = field(repr=False)
-    pool: tuple[Fitted, ...] = field(repr=False)
+    null: Fitted
+    pool: tuple[Fitted, ...]
     sealed: SealedGap | None
     set_aside: tuple[Aside, ...]
     cautions: tuple[str, ...]
@@ -74,9 +74,6 @@ class GapReport:
         lines += [f"  as near: {', '.join(others)}"] if others else []
         lines += [f"  {text}" for text in (*v.reasons, *self.cautions)]
         return "\n".join(lines)
-
-    def __repr__(self) -> str:
-        return self.summary()
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready values; numbers that are not finite become None."""

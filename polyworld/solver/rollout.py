@@ -159,7 +159,8 @@ def rollout(
     start: SavedState | None = None,
     patience: float = PATIENCE,
 ) -> Rollout:
-    """Roll one world out to `horizon` [s], sampled every `sample_interval` [s] (default: one frame).
+    """Roll one world out to `horizon` [s], sampled every `sample_interval` [s] (default: one frame of the world, 0.04 s
+    where it names no other).
 
     Samples are taken at 0, one interval, two, ... and at the horizon. record_events: False for the motion alone, which
     is the same; the rollout then has no events and says so (`Rollout.contacts_until`). progress: as for `simulator`.

@@ -9,6 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.core.reported import Reported, json_ready
+
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
@@ -132,8 +134,8 @@ class Truncation:
     reason: str
 
 
-@dataclass(frozen=True)
-class Rollout:
+@dataclass(frozen=True, repr=False)
+class Rollout(Reported):
     """A world run forward: deterministic, so equal worlds and horizons give equal bytes.
 
     diverged_reason: in words, None where the state was no number or too fast. truncated: when and why the run was ended
@@ -171,8 +173,29 @@ class Rollout:
             lines.append(f"  {name}: ({begin}) to ({end}) m, at {speed:.4g} m/s")
         return "\n".join(lines)
 
-    def __repr__(self) -> str:
-        return self.summary()
+    def to_dict(self) -> dict[str, Any]:
+        """Return motion and events as JSON-ready values, arrays as nested lists (`Trajectory` has shapes and units).
+
+        None stands where an object is not there yet; points of deformable objects are left out.
+        """
+        motion = self.trajectory
+        there = motion.active[..., None]
+        found: dict[str, Any] = json_ready(
+            {
+                "world": self.world_id,
+                "horizon": self.horizon,
+                "status": self.status,
+                "why_ended": self.why_ended(),
+                "names": motion.names,
+                "times": motion.times,
+                "positions": np.where(there, motion.positions, np.nan),
+                "orientations": np.where(there, motion.orientations, np.nan),
+                "velocities": np.where(there, motion.velocities, np.nan),
+                "angular_velocities": np.where(there, motion.angular_velocities, np.nan),
+                "events": [event.to_dict() for event in self.events],
+            }
+        )
+        return found
 
     def why_ended(self) -> str | None:
         """Return when and why the run ended before its horizon, in words; None where it did not."""

@@ -26,15 +26,17 @@ Mode = Literal["auto", "legacy"]
 
 
 @contextmanager
-def connection(transport: str, store: Path, mode: Mode, *, legacy_only: bool = False) -> Iterator[Client]:
-    """A client of a server on `store`, not yet entered."""
+def connection(
+    transport: str, store: Path, mode: Mode, *, legacy_only: bool = False, **options: Any
+) -> Iterator[Client]:
+    """A client of a server on `store`, not yet entered. options: of the client."""
     if transport == "memory":
-        yield Client(build_server(store), mode=mode)
+        yield Client(build_server(store), mode=mode, **options)
     elif transport == "stdio":
-        yield Client(stdio_parameters(store, *(["--legacy-only"] if legacy_only else [])), mode=mode)
+        yield Client(stdio_parameters(store, *(["--legacy-only"] if legacy_only else [])), mode=mode, **options)
     else:
         with served_over_http(build_server(store), legacy_only=legacy_only) as url:
-            yield Client(url, mode=mode)
+            yield Client(url, mode=mode, **options)
 
 
 def stdio_parameters(store: Path, *options: str) -> StdioServerParameters:

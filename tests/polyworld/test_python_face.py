@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 
@@ -42,6 +45,13 @@ def test_a_chosen_constant_is_fitted_to_a_recording(ball: World, recording: Reco
     assert f"{constant.value:.4g} 1/s" in text
     assert all(f"run {name}: off by" in text for name in ("low", "high"))
     assert repr(found) == text
+    written = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert written["constants"][0]["value"] == constant.value
+    assert [run["run"] for run in written["runs"]] == ["low", "high"]
+    assert World.model_validate(written["runs"][0]["world"]).id == found.runs[0].world.id
+    table = ElementTree.fromstring(found._repr_html_())
+    assert table.findtext("caption") == text.splitlines()[0]
+    assert table.findtext("tr/td") == constant.unknown.name
 
 
 def test_a_constant_that_is_not_there_names_the_choices(ball: World, recording: Recording) -> None:
@@ -57,6 +67,17 @@ def test_results_are_short_at_the_prompt(ball: World, recording: Recording) -> N
     assert repr(recording) == "Recording of 2 runs: Run('low': ball; 40 instants, 0 to 0.78 s), " + (
         "Run('high': ball; 40 instants, 0 to 0.78 s)"
     )
+
+
+def test_a_rollout_is_written_as_json(ball: World) -> None:
+    later = ball.objects[0].model_copy(update={"name": "later", "start_time": 0.1, "position": (1.0, 0.0, 0.0)})
+    run = rollout(ball.model_copy(update={"objects": (*ball.objects, later)}), 0.2)
+    written = json.loads(json.dumps(run.to_dict(), allow_nan=False))
+    np.testing.assert_array_equal([row[0] for row in written["positions"]], run.trajectory.positions[:, 0])
+    assert written["positions"][0][1] == [None] * 3, "it is not there yet"
+    assert written["times"] == run.trajectory.times.tolist()
+    assert written["times"][1] == 0.04
+    assert ElementTree.fromstring(run._repr_html_()).findtext("tr/td") == "ball"
 
 
 def test_a_figure_holds_simulated_lines_and_measured_dots(ball: World, recording: Recording) -> None:

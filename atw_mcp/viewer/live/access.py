@@ -1,4 +1,4 @@
-"""Who may read the live page: whoever has its address, from this machine, and nobody may change anything."""
+"""Who may read the live page and leave notes in it: whoever has its address, from this machine, and from this page."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "X-Frame-Options": "DENY",
 }
+MOST_BYTES = 10_000  # of a note
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 
 
 class Access:
-    """Passes on requests to read what lies below /TOKEN/, with the token removed, and refuses all others.
+    """Passes on requests to read what lies below /TOKEN/, and notes for it, with the token removed; refuses all others.
 
     A page of another site that has its name resolve to this machine (DNS rebinding) still sends that name as Host. The
-    token is in no other place than the address, which `no-referrer` keeps from other sites.
+    token is in no other place than the address, which `no-referrer` keeps from other sites. A note comes from a page of
+    this origin, which browsers say of every request that writes, and as JSON, which forms of other sites cannot send.
     """
 
     def __init__(self, app: ASGIApp, token: str, port: int) -> None:
@@ -59,7 +61,12 @@ class Access:
             return PlainTextResponse("this page is reached under its own address only", 403)
         if origin is not None and origin.lower().removeprefix("http://") not in self._hosts:
             return PlainTextResponse("pages of other origins may not read this one", 403)
-        if scope["method"] not in ("GET", "HEAD"):
+        if scope["method"] == "POST" and scope["path"].endswith("/notes"):
+            if origin is None or headers.get("content-type", "") != "application/json":
+                return PlainTextResponse("notes are written in the page itself", 403)
+            if not 0 < int(headers.get("content-length") or 0) <= MOST_BYTES:
+                return PlainTextResponse(f"a note has at most {MOST_BYTES} bytes", 413)
+        elif scope["method"] not in ("GET", "HEAD"):
             return PlainTextResponse("this page can only be read", 405, {"Allow": "GET, HEAD"})
         given, slash, _ = scope["path"].removeprefix("/").partition("/")
         if not slash or not hmac.compare_digest(given.encode("utf-8", "surrogatepass"), self._token):

@@ -1,4 +1,4 @@
-"""The pages of `atw-mcp view`: a list of cases; for each its page, its document, its film, and its changes."""
+"""The pages of `atw-mcp view`: a list of cases; for each its page, its document, film, changes, and notes in it."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from starlette.responses import HTMLResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from atw_mcp.viewer.live.content import CaseFollower, LiveContent
+from atw_mcp.viewer.live.notes import Note, keep
 from atw_mcp.viewer.page import live_page
 from evidence_store import Case, EvidenceStore, StoreError, UnknownRecord
 
@@ -55,6 +56,7 @@ class Site:
                 Route("/{case:path}/document", self._document),
                 Route("/{case:path}/film", self._film),
                 Route("/{case:path}/changes", self._changes),
+                Route("/{case:path}/notes", self._note, methods=["POST"]),
                 Route("/{case:path}/", self._case),
             ],
             exception_handlers={UnknownRecord: _not_found, StoreError: _unreadable},
@@ -104,6 +106,14 @@ class Site:
         case = _name(request)
         await self._run(lambda: self._content.store.cases.get(case))
         return StreamingResponse(self._events(case), media_type="text/event-stream")
+
+    async def _note(self, request: Request) -> Response:
+        case, body = _name(request), await request.body()
+        try:
+            note = Note.model_validate_json(body)
+        except ValueError as error:
+            raise HTTPException(422, str(error)) from error
+        return Response(await self._run(lambda: keep(self._content.store.path, case, note)), 201)
 
     async def _events(self, case: str) -> AsyncIterator[str]:
         """Yield an event now and at each change: the revision of the case's records, and the work under way."""

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import base64
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import anyio
 import jsonschema
 import pytest
 from mcp import Client
-from mcp_types import ListToolsResult, Tool
+from mcp_types import Implementation, ListToolsResult, Tool
 
 from atw_mcp.calls.brief import brief_output
 from atw_mcp.calls.toolsets import CALL, Selection
 from atw_mcp.server import build_server
 from tests.atw_mcp.clips import write_tracks
+from tests.atw_mcp.connections import Mode
 from tests.atw_mcp.session import Session
 from tests.atw_mcp.tools.contract_snapshots import full_contracts
 
-LARGEST_LISTS = {None: 20_000, "all": 40_200}  # bytes of tools/list: some 5,000 tokens, and 10,000
+LARGEST_LISTS = {None: 20_000, "all": 41_200}  # bytes of tools/list: some 5,000 tokens, and 10,000
 FULL = full_contracts()
 
 
@@ -130,3 +133,21 @@ def test_common_calls_are_written_from_the_list_alone(tmp_path: Path, listed: di
     assert gone["data"]["verdict"] != "unknown"
     rows = call("ReadTrajectory", rollout=alone["data"]["rollout"], object="red", fields=["time", "x"], limit=5)
     assert rows["data"]["rows"][-1][1] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("mode", ["auto", "legacy"])
+def test_people_see_titles_and_an_icon(tmp_path: Path, mode: Mode) -> None:
+    async def seen() -> tuple[list[Tool], Implementation]:
+        async with Client(build_server(tmp_path / "atw.db"), mode=mode) as client:
+            return (await client.list_tools()).tools, client.server_info
+
+    tools, server = anyio.run(seen)
+    assert all(tool.title for tool in tools)
+    assert server.icons
+    picture = base64.b64decode(server.icons[0].src.removeprefix("data:image/svg+xml;base64,"))
+    assert ElementTree.fromstring(picture).tag.endswith("svg")
+
+
+def test_reading_evidence_only_reads_and_cancelling_does_not() -> None:
+    hints = {name: FULL[name]["annotations"]["readOnlyHint"] for name in ("ReadEvidence", "CancelWork")}
+    assert hints == {"ReadEvidence": True, "CancelWork": False}

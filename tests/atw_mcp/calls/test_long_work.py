@@ -68,7 +68,7 @@ def test_patience_begins_with_the_call_not_with_the_work(store: Path) -> None:
             started = body(await client.call_tool("WorkSlowly", call))
             assert started["status"] == "running"
             assert time.monotonic() - began < 3.5
-            await client.call_tool("ReadEvidence", {"evidence": started["evidence"], "cancel": True})
+            await client.call_tool("CancelWork", {"evidence": started["evidence"]})
 
     with connection("memory", store, "auto") as client:
         anyio.run(session, client)
@@ -98,9 +98,9 @@ def test_running_work_is_cancelled_by_read_evidence(store: Path) -> None:
         async with client:
             call = {"case": "c", "seconds": 60, "patience_seconds": 0.2}
             started = body(await client.call_tool("WorkSlowly", call))
-            stopped = body(await client.call_tool("ReadEvidence", {"evidence": started["evidence"], "cancel": True}))
+            stopped = body(await client.call_tool("CancelWork", {"evidence": started["evidence"]}))
             assert stopped["status"] == "cancelled"
-            refused = await client.call_tool("ReadEvidence", {"evidence": started["evidence"], "cancel": True})
+            refused = await client.call_tool("CancelWork", {"evidence": started["evidence"]})
             assert refused.is_error
 
     with connection("memory", store, "auto") as client:
@@ -125,7 +125,7 @@ def test_many_waiting_calls_leave_the_other_tools_free(store: Path) -> None:
                 assert body(await client.call_tool("OpenCase", {}))["data"]["cases"]
             assert ended == []
             with anyio.fail_after(20):
-                stopped = await client.call_tool("ReadEvidence", {"evidence": evidence, "cancel": True})
+                stopped = await client.call_tool("CancelWork", {"evidence": evidence})
                 assert body(stopped)["status"] == "cancelled"
                 while len(ended) < 60:
                     await anyio.sleep(0.05)
@@ -190,7 +190,7 @@ def test_work_of_another_process_can_be_watched_joined_and_cancelled_and_stops_w
             assert seen["status"] == "running"
             joined = body(await watcher.call_tool("WorkSlowly", call))
             assert joined["evidence"] == started["evidence"]
-            stopped = body(await watcher.call_tool("ReadEvidence", {"evidence": started["evidence"], "cancel": True}))
+            stopped = body(await watcher.call_tool("CancelWork", {"evidence": started["evidence"]}))
             assert stopped["status"] == "cancelled"
             assert body(await worker.call_tool("WorkSlowly", call | {"seconds": 50}))["status"] == "running"
 

@@ -163,7 +163,7 @@ def test_cancelling_it_cancels_the_step_that_runs_and_keeps_those_before(session
                     tools = {
                         row["tool"] for row in (await call("ReadEvidence", case=running["case"]))["data"]["records"]
                     }
-                await call("ReadEvidence", evidence=running["evidence"], cancel=True)
+                await call("CancelWork", evidence=running["evidence"])
                 while (await call("ReadEvidence", evidence=running["evidence"]))["status"] == "running":
                     await anyio.sleep(0.1)
             rows: list[dict[str, Any]] = (await call("ReadEvidence", case=running["case"]))["data"]["records"]

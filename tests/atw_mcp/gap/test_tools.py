@@ -238,8 +238,9 @@ def test_a_search_can_be_stopped(call: Session, start: str) -> None:
             asked = {"case": "ball", "world": start, "seed": 7, "patience_seconds": 0.2}
             running = json.loads((await client.call_tool("ProposeEffects", asked)).content[0].text)
             assert running["status"] == "running"
-            stop = {"evidence": running["evidence"], "cancel": True, "wait_seconds": 30}
-            stopped = json.loads((await client.call_tool("ReadEvidence", stop)).content[0].text)
+            await client.call_tool("CancelWork", {"evidence": running["evidence"]})
+            waiting = {"evidence": running["evidence"], "wait_seconds": 30}
+            stopped = json.loads((await client.call_tool("ReadEvidence", waiting)).content[0].text)
         return str(stopped["status"])
 
     assert anyio.run(session) == "cancelled"

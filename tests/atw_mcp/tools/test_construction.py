@@ -219,8 +219,8 @@ def test_a_cancelled_fit_keeps_the_best_found_and_is_not_reused(session: Session
         async with Client(session.server) as client:  # one connection: a server that loses its client stops its work
             running = json.loads((await client.call_tool("FitWorld", asked)).content[0].text)
             assert running["status"] == "running"
-            stop = {"evidence": running["evidence"], "cancel": True}
-            status: str = json.loads((await client.call_tool("ReadEvidence", stop)).content[0].text)["status"]
+            stop = {"evidence": running["evidence"]}
+            status: str = json.loads((await client.call_tool("CancelWork", stop)).content[0].text)["status"]
             with anyio.fail_after(60):
                 while status == "running":
                     await anyio.sleep(0.1)

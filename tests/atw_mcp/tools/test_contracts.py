@@ -18,9 +18,9 @@ NAMES = {
     "FindDiscrepancy", "ProposeEffects", "AddEffect",
     "InspectWorld", "ReadProperty", "InspectFrames", "InspectObservedMotion", "InspectRollout",
     "Ask", "Rollout", "ReadEvents", "ReadTrajectory", "ReadTimeline", "QueryWorld", "CompareWorlds",
-    "DescribeTool", "CallTool", "ReadEvidence", "UpdateBindings", "Finish",
+    "DescribeTool", "CallTool", "CancelWork", "ReadEvidence", "UpdateBindings", "Finish",
 }  # fmt: skip
-PICTURES = {"InspectFrames", "InspectRollout", "CallTool", "ReadEvidence", "FindDiscrepancy", "AddEffect"}
+PICTURES = {"InspectFrames", "InspectRollout", "CallTool", "CancelWork", "ReadEvidence", "FindDiscrepancy", "AddEffect"}
 
 
 def parts(schema: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:

@@ -306,3 +306,28 @@ def test_equal_arrays_are_kept_once_and_different_ones_apart() -> None:
 
 def test_types_of_the_page_are_those_of_the_document() -> None:
     assert typescript.FILE.read_text(encoding="utf-8") == typescript.typescript(), "python -m atw_mcp.viewer.typescript"
+
+
+def test_spread_is_that_of_the_members_of_the_ensemble(written: tuple[Path, str, str], copied: Path) -> None:
+    app = App(copied)
+    content = app.store.rollouts.get(written[1])
+    rng = np.random.default_rng(0)
+    middle = content.arrays["positions"]
+    off = 0.01 * rng.standard_normal((40, *middle.shape))
+    arrays = {
+        f"{i}/{name}": values + off[i] if name == "positions" else values
+        for i in range(40)
+        for name, values in content.arrays.items()
+    }
+    inputs = {"world": content.document["world"], "members": 40}
+    app.store.rollouts.put("ensemble", inputs, {"members": [content.document] * 40}, arrays)
+    app.close()
+    store = opened(copied)
+    shown = Shown(store)
+    store.close()
+    view = next(r for r in shown.document.rollouts if r.id == written[1])
+    assert view.spread is not None
+    assert view.spread.members == 40
+    assert_allclose(shown(view.spread.low), np.quantile(middle + off, 0.05, axis=0), atol=1e-6)
+    assert_allclose(shown(view.spread.high), np.quantile(middle + off, 0.95, axis=0), atol=1e-6)
+    assert next(r for r in shown.document.rollouts if r.id == written[2]).spread is None

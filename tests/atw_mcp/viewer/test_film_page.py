@@ -140,6 +140,19 @@ def test_film_is_in_step_and_outlines_lie_where_the_renderer_sees_the_objects(pa
         position={"x": (u + 0.5) * area["width"] / WIDTH, "y": (row + 0.5) * area["height"] / HEIGHT}
     )
     opened.wait_for_selector('.film[data-chosen="box"]')
+
+    # A right angle in the plane of motion, which the camera sees askew, is measured as one.
+    assert scene.world.camera is not None
+    film.locator("button:text-is('Ruler')").click()
+    places = np.array([[-0.2, 0.0, 0.1], [0.2, 0.0, 0.1], [0.2, 0.3, 0.1]])
+    for u, v in scene.world.camera.project(places):
+        opened.mouse.click(
+            area["x"] + (u + 0.5) * area["width"] / WIDTH, area["y"] + (v + 0.5) * area["height"] / HEIGHT
+        )
+    ruler = film.locator("svg.ruler")
+    assert float(ruler.get_attribute("data-length") or "nan") == pytest.approx(0.4, rel=0.01)
+    assert float(ruler.get_attribute("data-angle") or "nan") == pytest.approx(90.0, abs=1.0)
+    film.locator("button:text-is('Ruler')").click()
     opened.keyboard.press("w")
     opened.wait_for_selector('.film[data-simulated=""]')
     opened.keyboard.press("End")

@@ -10,17 +10,21 @@ from typing import Any
 import anyio
 import numpy as np
 import pytest
+from mcp_types import CallToolResult
 from starlette.testclient import TestClient
 
+from atw_mcp.calls.app import App
 from atw_mcp.calls.error_curve import ErrorCurve
 from atw_mcp.cases.cases import content_hash
 from atw_mcp.cli import main
+from atw_mcp.tools.control import read_evidence
 from atw_mcp.viewer import page
 from atw_mcp.viewer.live.access import Access
 from atw_mcp.viewer.live.content import CaseFollower, LiveContent
 from atw_mcp.viewer.live.site import Site
 from atw_mcp.viewer.packing import unpacked
 from evidence_store import Evidence, EvidenceStore
+from evidence_store.export import export_case, import_case
 from evidence_store.schema import VERSION
 from tests.atw_mcp.clips import write_film
 
@@ -74,6 +78,13 @@ def client(site: Site) -> TestClient:
         ("GET", f"/{TOKEN}/ball/document", {"Origin": HERE}, 200),
         ("POST", f"/{TOKEN}/ball/", {}, 405),
         ("DELETE", f"/{TOKEN}/ball/document", {}, 405),
+        ("POST", f"/{TOKEN}/ball/notes", {}, 403),
+        ("POST", f"/{TOKEN}/ball/notes", {"Origin": "null", "Content-Type": "application/json"}, 403),
+        ("POST", f"/{TOKEN}/ball/notes", {"Origin": "https://evil.example", "Content-Type": "application/json"}, 403),
+        ("POST", f"/{TOKEN}/ball/notes", {"Origin": HERE, "Content-Type": "text/plain"}, 403),
+        ("POST", f"/{TOKEN}/ball/notes", {"Origin": HERE, "Content-Type": "application/json"}, 413),
+        ("POST", "/another-token/ball/notes", {"Origin": HERE, "Content-Type": "application/json"}, 413),
+        ("PUT", f"/{TOKEN}/ball/notes", {"Origin": HERE, "Content-Type": "application/json"}, 405),
     ],
 )
 def test_only_readers_with_the_address_are_answered(
@@ -123,6 +134,45 @@ def test_the_document_is_kept_until_records_change_and_names_its_revision(
     assert [item.evidence for item in document.running] == [work.id]
     assert document.film is not None
     assert (document.film.url, document.film.data, document.film.frame_count) == ("film", None, 3)
+
+
+def test_a_note_is_kept_as_evidence_read_by_the_tools_and_exported(
+    client: TestClient, writer: EvidenceStore, tmp_path: Path
+) -> None:
+    note = {"text": " it slips here ", "time": 1.25, "object": "ball", "rollout": None}
+    at, own = f"/{TOKEN}/ball/notes", {"Origin": HERE}
+    for wrong, status in (
+        ({**note, "text": " "}, 422),
+        ({**note, "time": -1.0}, 422),
+        ({**note, "by": "me"}, 422),
+        ({**note, "rollout": "rollout-0"}, 404),
+        ({**note, "text": "x" * 20_000}, 413),
+    ):
+        assert client.post(at, json=wrong, headers=own).status_code == status
+    assert client.post(f"/{TOKEN}/none/notes", json=note, headers=own).status_code == 404
+    assert client.post("/another-token/ball/notes", json=note, headers=own).status_code == 404
+    assert not writer.evidence.of_case("ball")
+    reply = client.post(at, json=note, headers=own)
+    assert reply.status_code == 201
+    document, _ = unpacked(client.get(f"/{TOKEN}/ball/document").content)
+    (row,) = document.evidence
+    assert (row.id, row.tool, row.summary, row.interval) == (reply.text, "Note", "it slips here", [1.25, 1.25])
+    file = tmp_path / "ball.zip"
+    export_case(writer, "ball", file)
+    other = EvidenceStore(tmp_path / "other.db")
+    import_case(other, file)
+    (kept,) = other.evidence.of_case("ball")
+    other.close()
+    assert (kept.summary, kept.interval, kept.objects) == ("it slips here", (1.25, 1.25), ("ball",))
+    app = App(writer.path)
+    listed = read_evidence(app, case="ball", interval=[1.0, 2.0], wait_seconds=0.0)
+    again = read_evidence(app, evidence=reply.text)
+    app.close()
+    assert isinstance(listed, CallToolResult)
+    assert isinstance(again, CallToolResult)
+    assert "it slips here" in str(listed.structured_content)
+    assert again.structured_content is not None
+    assert again.structured_content["data"]["written_by"] == "a person, in the viewer"
 
 
 def test_the_film_is_served_whole_or_in_ranges(client: TestClient) -> None:

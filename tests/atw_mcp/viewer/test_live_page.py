@@ -103,3 +103,20 @@ def test_page_follows_to_the_committed_world_until_a_person_chooses(
     writer.cases.add_answer("ball", Answer("will it bounce?", "true", None, (row,), ""))
     page.wait_for_selector('[data-question="will it bounce?"][data-answer="true"]')
     assert page.evaluate(shown) == runs[draft.id], "what a person chose stays"
+
+
+def test_note_written_in_the_page_is_kept_and_shown(url: str, pages: Pages, writer: EvidenceStore) -> None:
+    app = App(writer.path)
+    case, world = app.store.cases.get("ball"), two_discs()
+    app.keep_world(case, world, how="built")
+    rollout = compute_rollout(app, world, 3 * FRAME)[0]
+    app.close()
+    writer.evidence.add(Evidence("Rollout", {}, case="ball", world=world.id, rollout=rollout, summary="run"))
+    page = pages.open(url)
+    page.keyboard.press("ArrowRight")
+    page.fill("[aria-label='note at this moment']", "here they meet")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("[data-note]:has-text('here they meet')")
+    (note,) = [row for row in writer.evidence.of_case("ball") if row.tool == "Note"]
+    assert (note.rollout, note.world, note.summary) == (rollout, world.id, "here they meet")
+    assert note.interval == pytest.approx((FRAME, FRAME))

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
+from xml.etree import ElementTree
 
 import cv2
 import numpy as np
@@ -20,6 +21,7 @@ from tests.atw_mcp.viewer.two_rollouts import (
     GROUND,
     HIT,
     LATER,
+    NOTED,
     REST,
     SECONDS_PER_FRAME,
     SIGMA,
@@ -229,3 +231,83 @@ def test_series_and_pictures_are_taken_away(page: Page, tmp_path: Path) -> None:
     for place in (".series", ".scene"):
         picture = cv2.imread(str(saved[place, "PNG"]))
         assert picture.std() > 5.0, "something is drawn"
+
+
+def test_one_coordinate_against_another_is_drawn_and_saved(page: Page, tmp_path: Path) -> None:
+    page.select_option("[name=quantity]", "y")
+    page.select_option("[name=against]", "x")
+    if page.query_selector(cube := ".which [data-object=blue_cube][aria-pressed=false]"):
+        page.click(cube)
+    saved = {}
+    for button in ("CSV", "SVG"):
+        with page.expect_download() as found:
+            page.click(f".series button:text-is('{button}')")
+        found.value.save_as(path := tmp_path / button)
+        saved[button] = path.read_text(encoding="utf-8")
+    with page.expect_download() as found:
+        page.click(".series button:text-is('PNG')")
+    found.value.save_as(path := tmp_path / "picture.png")
+    assert cv2.imread(str(path)).std() > 5.0, "something is drawn"
+    header, *rows = csv.reader(saved["CSV"].splitlines())
+    assert header == ["source", "object", "t [s]", "position x [m]", "position y [m]"]
+    base = np.array([row[3:] for row in rows if row[:2] == ["as built", "blue_cube"]], float)
+    np.testing.assert_allclose(base, positions(False)[:, 1, :2], rtol=FLOAT32)
+    seen = np.array([row[3:] for row in rows if row[:2] == ["observed", "red_ball"]], float)
+    np.testing.assert_allclose(seen[:, 0], np.sin(np.arange(FRAMES) * SECONDS_PER_FRAME) + 0.01, rtol=FLOAT32)
+    drawing = ElementTree.fromstring(saved["SVG"])
+    curves = [path.get("d") or "" for path in drawing.iter("{http://www.w3.org/2000/svg}path")]
+    places = np.array(re.findall(r"[-\d.]+", curves[1]), float).reshape(-1, 2)  # the ball in both rollouts beside it
+    assert len(places) == len(TIMES)
+    assert np.ptp(places[:, 0]) == 0.0, "the cube moves along y alone"
+    np.testing.assert_allclose(places[0, 1] - places[:, 1], TIMES**2 * np.ptp(places[:, 1]) / 9, atol=0.11)  # px
+    page.click(".series .plot svg", position={"x": 70, "y": 20})
+    page.select_option("[name=against]", "")
+
+
+def test_band_of_the_ensemble_is_drawn_about_its_rollout(page: Page, tmp_path: Path) -> None:
+    page.select_option("[name=quantity]", "x")
+    assert page.get_attribute("[data-members]", "data-members") == "40"
+    with page.expect_download() as found:
+        page.click(".series button:text-is('SVG')")
+    found.value.save_as(path := tmp_path / "x.svg")
+    paths = ElementTree.parse(path).getroot().iter("{http://www.w3.org/2000/svg}path")
+    drawn = [(p.get("fill"), np.array(re.findall(r"[-\d.]+", p.get("d") or ""), float).reshape(-1, 2)) for p in paths]
+    areas = [places for fill, places in drawn if fill != "none"]
+    lines = [places for fill, places in drawn if fill == "none"]
+    area, line, count = areas[0], lines[0], len(TIMES)
+    low, high = area[:count], area[count:][::-1]
+    np.testing.assert_allclose((low + high) / 2, line, atol=0.11)  # px
+    assert np.ptp(low[:, 1] - high[:, 1]) < 0.25
+    page.select_option("[name=quantity]", "speed")
+    assert page.query_selector("[data-members]") is None, "the ensemble is of positions"
+
+
+def test_ruler_measures_in_the_plane_of_motion(page: Page) -> None:
+    page.keyboard.press("p")
+    page.click(".scene button:text-is('Ruler')")
+    _draw(page)
+    box = page.locator(".scene svg.ruler").bounding_box()
+    scale = page.locator(".scene .scale")
+    assert box is not None
+    text = scale.inner_text()
+    metres = float(text.split()[0]) * {"m": 1.0, "cm": 1e-2, "mm": 1e-3}[text.split()[1]]
+    pixels = float(scale.get_attribute("data-pixels") or "nan")
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    for dx, dy in ((0, 0), (60, 0), (60, 40)):
+        page.mouse.click(x + dx, y + dy)
+    ruler = page.locator(".scene svg.ruler")
+    assert ruler.get_attribute("data-unit") == "m"
+    assert float(ruler.get_attribute("data-length") or "nan") == pytest.approx(60 * metres / pixels, rel=5e-3)
+    assert float(ruler.get_attribute("data-angle") or "nan") == pytest.approx(90.0, abs=0.01)
+    page.click(".scene button:text-is('Ruler')")
+    page.keyboard.press("o")
+
+
+def test_note_is_shown_at_its_moment(page: Page) -> None:
+    assert page.query_selector("[data-note]") is None
+    assert page.locator(".timeline .flag").count() == 1
+    for _ in range(round(NOTED / SECONDS_PER_FRAME)):
+        page.keyboard.press("ArrowRight")
+    _draw(page)
+    assert page.get_attribute("[data-note]", "data-note") == "ev-4"
+    assert "a result of Note" in page.inner_text("[data-note]")

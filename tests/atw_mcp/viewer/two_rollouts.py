@@ -14,6 +14,7 @@ FRAMES = 51
 TIMES: NDArray[np.float64] = np.linspace(0, 3, 61)  # s; the video ends at 2 s
 NAMES = ["red_ball", "blue_cube"]
 SIGMA = 0.02  # m
+SPREAD = 0.3  # m that members of the ensemble are off to either side
 
 
 def positions(branch: bool = False) -> NDArray[np.float64]:
@@ -31,6 +32,7 @@ def contact(time: float, impulse: float, *participants: str) -> view.EventMark:
     )
 
 
+NOTED = 1.5  # s
 GROUND = contact(0.5, 0.2, "red_ball", "floor")
 HIT = contact(1.25, 0.75, "red_ball", "blue_cube")
 REST = view.EventMark(kind="rest", time=2.5, participants=["red_ball"], position=None, impulse=None, speed=None)
@@ -98,6 +100,14 @@ def _rollout(blocks: Blocks, branch: bool, events: list[view.EventMark]) -> view
         pushes=[],
         misfits=[],
         sampled="",
+        spread=None
+        if branch
+        else view.Spread(
+            members=40,
+            times=blocks.floats(TIMES),
+            low=blocks.floats(where - SPREAD),
+            high=blocks.floats(where + SPREAD),
+        ),
     )
 
 
@@ -173,6 +183,7 @@ def report() -> str:
             _row("ev-1", "BuildWorld", None, None),
             _row("ev-2", "QueryWorld", "rollout-base", [1.2, 1.3]),
             _row("ev-3", "CompareWorlds", "rollout-branch", None),
+            _row("ev-4", "Note", "rollout-base", [NOTED, NOTED]),
         ],
         provenance=view.Provenance(nodes=[], edges=[]),
         running=[],

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from polyworld.estimation.accuracy import json_ready
+from polyworld.core.reported import json_ready
 from polyworld.gap import GapReport
 from polyworld.gap.choose import credible
 from polyworld.gap.fitting import Fitted

@@ -510,6 +510,8 @@ export interface RolloutView {
   misfits: Misfit[];
   /** empty, or how the samples shown were chosen from those stored */
   sampled: string;
+  /** null where no ensemble of the world is stored */
+  spread: Spread | null;
 }
 
 /** Work that is not finished. */
@@ -536,6 +538,17 @@ export interface Sphere {
   kind: "sphere";
   /** [m] */
   radius: number;
+}
+
+/** Where the members of an ensemble of the same world are: the 5% and 95% quantiles of each coordinate. */
+export interface Spread {
+  members: number;
+  /** float32 (S,) [s] */
+  times: Block;
+  /** float32 (S, n, 3) [m], NaN where no member has the object */
+  low: Block;
+  /** float32 (S, n, 3) [m] */
+  high: Block;
 }
 
 /** All objects of a world where they begin: one sample, as of a rollout. */

@@ -1,10 +1,43 @@
-// Files for a person to take away: pictures of canvases, tables of numbers.
+// Files for a person to take away: pictures of canvases, plots, tables of numbers.
+import { render, type VNode } from "preact";
+
+type Shown = HTMLCanvasElement | HTMLImageElement | null | undefined;
 
 /** A button that saves what a canvas shows. canvas: drawn in this very moment, since WebGL keeps no picture. */
-export function PictureButton({ name, canvas }: { name: string; canvas: () => HTMLCanvasElement | null | undefined }) {
+export function PictureButton({ name, canvas }: { name: string; canvas: () => Shown | Promise<Shown> }) {
+  const take = (shown: Shown) => picture(shown, (made) => save(`${name}.png`, made));
+  const press = () => {
+    const shown = canvas();
+    if (shown instanceof Promise) void shown.then(take);
+    else take(shown);
+  };
   return (
-    <button class="small" title={`Save as ${name}.png`} onClick={() => picture(canvas(), (made) => save(`${name}.png`, made))}>
+    <button class="small" title={`Save as ${name}.png`} onClick={press}>
       PNG
+    </button>
+  );
+}
+
+function svgText(drawing: VNode): string {
+  const into = document.createElement("div");
+  render(drawing, into);
+  return new XMLSerializer().serializeToString(into.firstElementChild!);
+}
+
+/** A picture of a plot that is no canvas. */
+export async function drawn(drawing: VNode): Promise<HTMLImageElement> {
+  const image = new Image();
+  image.src = `data:image/svg+xml,${encodeURIComponent(svgText(drawing))}`;
+  await image.decode();
+  return image;
+}
+
+/** A button that saves a plot as SVG. */
+export function VectorButton({ name, drawing }: { name: string; drawing: () => VNode }) {
+  const text = () => svgText(drawing());
+  return (
+    <button class="small" title={`Save as ${name}.svg`} onClick={() => save(`${name}.svg`, new Blob([text()], { type: "image/svg+xml" }))}>
+      SVG
     </button>
   );
 }
@@ -22,7 +55,7 @@ export function TableButton({ name, rows }: { name: string; rows: () => (string 
 }
 
 /** Lay a canvas on the page's ground: it may be clear where nothing is drawn. */
-function picture(shown: HTMLCanvasElement | null | undefined, done: (made: Blob) => void): void {
+function picture(shown: Shown, done: (made: Blob) => void): void {
   if (!shown) return;
   const { width, height } = shown;
   const flat = Object.assign(document.createElement("canvas"), { width, height });

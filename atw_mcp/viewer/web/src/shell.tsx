@@ -12,6 +12,7 @@ import { Gap } from "./panels/gap";
 import { HostBar } from "./panels/hostbar";
 import { Head } from "./panels/head";
 import { Help } from "./panels/help";
+import { Notes } from "./panels/notes";
 import { Notices } from "./panels/notices";
 import { Objects } from "./panels/objects";
 import { Provenance } from "./panels/provenance";
@@ -72,6 +73,7 @@ export function Shell() {
         <div class="time panel">
           <Transport />
           <Timeline />
+          <Notes />
         </div>
       )}
       {doc.worlds.length > 0 && (

@@ -3,6 +3,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { ViewDocument } from "../document";
 import { moment, words } from "../format";
+import { Ruler, RulerButton } from "../ruler";
 import { PictureButton } from "../save";
 import { object, opened, other, rollout } from "../state";
 import type { Opened } from "../unpack";
@@ -17,6 +18,7 @@ export function Film() {
   const stage = useSignal<Stage | null>(null);
   const trouble = useSignal("");
   const hit = useSignal<(Hit & { x: number; y: number }) | null>(null);
+  const measuring = useSignal(false);
   const canvas = useRef<HTMLCanvasElement>(null);
   const video = useRef<HTMLVideoElement>(null);
   useEffect(() => {
@@ -49,6 +51,7 @@ export function Film() {
     const found = stage.value?.hit(x, y) ?? null;
     return found && { ...found, x, y, right: x > box.width / 2 };
   };
+  const locate = (x: number, y: number) => stage.value!.metres(x, y);
   const notes = [trouble.value, doc.film ? "" : without(doc), drawn?.missing ?? ""].filter(Boolean);
   return (
     <section
@@ -78,6 +81,7 @@ export function Film() {
             {layer.title}
           </button>
         ))}
+        <RulerButton on={measuring} />
         <PictureButton name={`frame ${drawn?.frame ?? 0}`} canvas={() => canvas.current} />
       </div>
       <div class="film-room">
@@ -92,6 +96,7 @@ export function Film() {
             onPointerLeave={() => (hit.value = null)}
             onClick={(event) => (object.value = at(event as unknown as PointerEvent)?.name ?? null)}
           />
+          {measuring.value && stage.value && <Ruler locate={locate} pixels={width / (canvas.current?.clientWidth || width)} />}
           {beyond && <p class="film-beyond">beyond the video</p>}
           {hit.value && (
             <div class="film-tip small" role="tooltip" style={{ left: `${hit.value.x}px`, top: `${hit.value.y}px` }}>

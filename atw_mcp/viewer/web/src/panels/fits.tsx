@@ -71,8 +71,8 @@ function Fit({ fit, open }: { fit: FitView; open: boolean }) {
             </figcaption>
             <SearchCurve curve={fit.curve} />
             <p class="small soft">
-              How far the simulated motion is from the observed{errorWords(fit.curve.unit)}. It rises where the search
-              goes on to more of the observed frames or starts once more.
+              How far the simulated motion is from the observed{errorWords(fit.curve.unit)}. A new line begins where the search goes on
+              to more of the observed frames or starts once more: errors compare along one line.
             </p>
           </figure>
         )}

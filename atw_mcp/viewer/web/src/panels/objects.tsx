@@ -46,7 +46,7 @@ function massOf(of: WorldView, { name, mass }: Moving): { text: string; note: st
     const fit = document.value!.fits.findLast((one) => one.world === from!.id);
     if (!fit) continue;
     const found = fit.parameters.find((p) => isFitted(p) && /^mass of (.*)$/.exec(p.name)?.[1]!.split(", ").includes(name));
-    if (!found) return { text: plain, note: " (not fitted)" };
+    if (!found) return { text: quantity(mass, "kg", 3), note: " (not fitted)" };
     const same = Math.abs(found.value - mass) < 1e-6 * mass; // an edit may have changed it since
     return { text: same ? withInterval(found) : plain, note: same ? "" : " (changed after the fit)" };
   }

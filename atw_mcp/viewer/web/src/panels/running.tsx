@@ -27,8 +27,8 @@ export function Work({ work }: { work: Running }) {
           <summary class="small">course of the search</summary>
           <SearchCurve curve={curve} />
           <p class="small soft">
-            How far the simulated motion is from the observed{errorWords(curve.unit)}. It rises where the search goes on
-            to more of the observed frames or starts once more.
+            How far the simulated motion is from the observed{errorWords(curve.unit)}. A new line begins where the search goes on
+              to more of the observed frames or starts once more: errors compare along one line.
           </p>
         </details>
       )}

@@ -3,6 +3,7 @@ import { effect, signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { type Lane, visibleLanes } from "../events";
 import { quantity, words } from "../format";
+import { Ruler, RulerButton } from "../ruler";
 import { PictureButton } from "../save";
 import { Axes, axesOf } from "../scene/axes";
 import { palette } from "../scene/palette";
@@ -64,6 +65,7 @@ const MOST_KEYS = 5;
 /** Why there is no canvas; "" where there is one. */
 const trouble = signal("");
 const stage = signal<Stage | null>(null);
+const measuring = signal(false);
 
 export function Scene() {
   const host = useRef<HTMLDivElement>(null);
@@ -98,6 +100,7 @@ export function Scene() {
           </button>
         )}
         <span class="push" />
+        <RulerButton on={measuring} />
         <PictureButton name="scene" canvas={() => stage.value?.picture} />
         <details class="show">
           <summary>Show</summary>
@@ -167,7 +170,7 @@ export function Scene() {
                 {k.arrows && <i class="arrow" style={{ color: k.color }} />}
               </p>
             ),
-            k.field && (
+            k.field && !sameScale(k) && (
               <p key={`${k.name} field`} data-effect={k.name} data-field-full={k.field.full}>
                 <b>{words(k.name)}</b>
                 {k.title && !k.arrows && ` (${words(k.title)})`} in space {scaleText(k.field)}
@@ -188,6 +191,7 @@ export function Scene() {
             </p>
           ))}
         </div>
+        {measuring.value && stage.value && <Ruler key={eye.value} locate={(x, y) => stage.value!.metres(x, y)} />}
         {trouble.value && (
           <p class="trouble" role="alert">
             {trouble.value}
@@ -200,6 +204,11 @@ export function Scene() {
 
 function placed(left: number, top: number, width: number, height: number) {
   return { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` };
+}
+
+/** Whether arrows on objects and those in space are as long for as much: one line says both. */
+function sameScale({ arrows, field }: EffectKey): boolean {
+  return arrows !== null && field !== null && scaleText(arrows) === scaleText(field);
 }
 
 /** What the arrow beside it stands for, and that stronger ones are cut off. */

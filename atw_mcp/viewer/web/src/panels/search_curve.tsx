@@ -46,6 +46,18 @@ function data(curve: Curve): uPlot.AlignedData {
   return [curve.steps, above(curve.current), above(curve.best)];
 }
 
+function sameThroughout({ current, best }: Curve): boolean {
+  return current.every((value, k) => value === best[k]);
+}
+
+/** A best error that rises is of more data than before: the line ends there, and another begins. */
+function rises(u: uPlot, series: number, from: number, to: number, gaps: uPlot.Series.Gaps): uPlot.Series.Gaps {
+  const [x, y] = [u.data[0], u.data[series]!];
+  for (let k = from + 1; k <= to; k++)
+    if (y[k]! > y[k - 1]!) gaps.push([u.valToPos(x[k - 1]!, "x", true), u.valToPos(x[k]!, "x", true)]);
+  return gaps;
+}
+
 function options(curve: Curve, width: number): uPlot.Options {
   const [ink, line] = [token("ink-soft"), token("line")];
   const axis = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1 } };
@@ -61,8 +73,8 @@ function options(curve: Curve, width: number): uPlot.Options {
     ],
     series: [
       { label: curve.step, value: (_, x) => (x === null ? "–" : String(x)) },
-      { label: "present", stroke: token("branch"), dash: [4, 3], value: (_, v) => digits(v) },
-      { label: "best", stroke: token("base"), width: 2, value: (_, v) => digits(v) },
+      { label: "present", stroke: token("branch"), dash: [4, 3], show: !sameThroughout(curve), value: (_, v) => digits(v) },
+      { label: "best", stroke: token("base"), width: 2, gaps: rises, value: (_, v) => digits(v) },
     ],
   };
 }

@@ -3,13 +3,16 @@ import type uPlot from "uplot";
 import { computed, signal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type { RolloutView } from "../document";
-import { digits, moment, unitText, words } from "../format";
+import { digits, moment, words } from "../format";
 import { legible } from "../legible";
-import { PictureButton, TableButton } from "../save";
+import { drawn, PictureButton, TableButton, VectorButton } from "../save";
 import { document, duration, object, observedRun as run, other, otherWorld, rollout, time, track, world } from "../state";
 import { dark } from "../theme";
+import { Chart, type ChartOf } from "./chart";
 import { LargestResiduals } from "./largest_residuals";
+import { along, axisText, Phase } from "./phase";
 import {
+  bandOf,
   holders,
   measures,
   nearestValue,
@@ -19,7 +22,7 @@ import {
   type Measure,
   type Points,
 } from "./series_data";
-import { plot, type Dots, type Line } from "./series_plot";
+import { plot, type Band, type Dots, type Line } from "./series_plot";
 import { view, zoomed } from "./timeline_view";
 import "./series.css";
 
@@ -27,6 +30,8 @@ import "./series.css";
 const AT_FIRST = 3;
 
 const measureName = signal("speed");
+/** Name of the measure along the horizontal axis; "": time. */
+const acrossName = signal("");
 /** Names added to the chosen object. */
 const pinned = signal<ReadonlySet<string>>(new Set());
 /** Moment under the pointer [s]. */
@@ -39,6 +44,7 @@ const rollouts = computed(() => {
 const tracks = computed(() => document.value?.tracks ?? []);
 const choices = computed(() => measures(rollouts.value, tracks.value));
 const measure = computed(() => choices.value.find((m) => m.name === measureName.value) ?? choices.value[0] ?? null);
+const across = computed(() => choices.value.find((m) => m.name === acrossName.value) ?? null);
 const names = computed(() => (measure.value ? holders(measure.value, rollouts.value, tracks.value) : []));
 const shown = computed(() => {
   const picked = names.value.filter((name) => pinned.value.has(name) || object.value === name);
@@ -77,6 +83,18 @@ const dots = computed<Dots[]>(() =>
   }),
 );
 
+const bands = computed<Band[]>(() =>
+  rollouts.value.flatMap((r) =>
+    shown.value.flatMap((name) => {
+      const band = measure.value && bandOf(measure.value, r, name);
+      return band ? [{ ...band, color: colorOf(name) }] : [];
+    }),
+  ),
+);
+const traces = computed(() =>
+  across.value && measure.value ? along(across.value, measure.value, rollouts.value, shown.value, colorOf) : [],
+);
+
 function colorOf(name: string): string {
   return colors.value.get(name) ?? "#808080";
 }
@@ -88,7 +106,7 @@ export function Series() {
       <Controls />
       <LargestResiduals />
       <div class="body">
-        <Plot />
+        {across.value ? <Phase x={across.value} y={measure.value} traces={traces.value} /> : <Plot />}
         <Values measure={measure.value} />
       </div>
     </div>
@@ -108,8 +126,18 @@ function Controls() {
         >
           {choices.value.map((m) => (
             <option key={m.name} value={m.name}>
-              {m.title}
-              {m.unit === "1" ? "" : ` [${unitText(m.unit)}]`}
+              {axisText(m)}
+            </option>
+          ))}
+        </select>
+      </label>
+      <label>
+        <span class="soft">against</span>
+        <select name="against" value={across.value?.name ?? ""} onChange={(event) => (acrossName.value = event.currentTarget.value)}>
+          <option value="">time [s]</option>
+          {choices.value.map((m) => (
+            <option key={m.name} value={m.name}>
+              {axisText(m)}
             </option>
           ))}
         </select>
@@ -135,9 +163,18 @@ function Controls() {
         ))}
       </div>
       <span class="push" />
-      <TableButton name={measure.value!.name} rows={rows} />
-      <PictureButton name={measure.value!.name} canvas={() => window.document.querySelector(".series canvas")} />
-      {zoomed.value && (
+      {bands.value.length > 0 && !across.value && (
+        <span class="small soft" data-members={rollouts.value.find((r) => r.spread)?.spread?.members}>
+          band: 90 % of {rollouts.value.find((r) => r.spread)?.spread?.members} members
+        </span>
+      )}
+      <TableButton name={fileName()} rows={rows} />
+      <PictureButton
+        name={fileName()}
+        canvas={() => (across.value ? drawn(<Chart {...chart()} />) : window.document.querySelector<HTMLCanvasElement>(".series canvas"))}
+      />
+      <VectorButton name={fileName()} drawing={() => <Chart {...chart()} />} />
+      {zoomed.value && !across.value && (
         <button onClick={() => (zoomed.value = null)}>
           All of time
         </button>
@@ -146,9 +183,47 @@ function Controls() {
   );
 }
 
+function fileName(): string {
+  return across.value ? `${measure.value!.name} against ${across.value.name}` : measure.value!.name;
+}
+
+/** What is drawn, as a plot of its own. */
+function chart(): ChartOf {
+  const box = window.document.querySelector(".series .plot")!.getBoundingClientRect();
+  const size = { width: Math.round(box.width), height: Math.round(box.height), y: axisText(measure.value!) };
+  if (across.value) {
+    const equal = across.value.unit === measure.value!.unit;
+    return { ...size, x: axisText(across.value), traces: traces.value, equal };
+  }
+  const places = (times: ArrayLike<number>, values: ArrayLike<number>, sigma?: ArrayLike<number>) =>
+    Array.from(times, (t, k) => ({ x: t, y: values[k]!, sy: sigma?.[k] }));
+  return {
+    ...size,
+    x: "time [s]",
+    range: view.value,
+    areas: bands.value.map(({ times, ...band }) => ({ ...band, x: times })),
+    traces: [
+      ...lines.value.map(({ points, ...line }) => ({ ...line, places: places(points.times, points.values) })),
+      ...dots.value.map(({ color, observed: { times, values, sigma } }) => ({
+        label: "",
+        color,
+        dots: true,
+        places: places(times, values, sigma),
+      })),
+    ],
+  };
+}
+
 /** What is drawn as a table: simulated values, then measured ones with their standard deviation. */
 function rows(): (string | number)[][] {
   const { title, unit } = measure.value!;
+  if (across.value)
+    return [
+      ["source", "object", "t [s]", `${across.value.title} [${across.value.unit}]`, `${title} [${unit}]`],
+      ...traces.value.flatMap(({ source, object: name, times, places }) =>
+        places.map(({ x, y }, k) => [source, name, times[k]!, x, y]),
+      ),
+    ];
   return [
     ["source", "object", "t [s]", `${title} [${unit}]`, "sigma"],
     ...lines.value.flatMap(({ rollout: { label }, object: name, points: { times, values } }) =>
@@ -194,7 +269,7 @@ function Plot() {
     void view.value;
     if (!into.current || size.value.width < 50 || !measure.value) return;
     const hover = (t: number | null) => (pointed.value = t);
-    made.current = plot(into.current, size.value, measure.value, lines.value, dots.value, { hover, drawn: mark });
+    made.current = plot(into.current, size.value, measure.value, lines.value, dots.value, bands.value, { hover, drawn: mark });
     return () => {
       made.current?.destroy();
       made.current = null;
@@ -222,10 +297,7 @@ function Values({ measure: m }: { measure: Measure }) {
       <table data-series={m.name} data-time={t}>
         <thead>
           <tr>
-            <th>
-              {m.title}
-              {m.unit === "1" ? "" : ` [${unitText(m.unit)}]`}
-            </th>
+            <th>{axisText(m)}</th>
             <th class="number">{moment(t)}</th>
             <th class="number pointer">{at === null ? "pointer" : moment(at)}</th>
           </tr>

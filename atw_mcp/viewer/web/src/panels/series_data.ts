@@ -4,6 +4,7 @@ import type { RolloutView, Tracks } from "../document";
 import { opened } from "../state";
 import { contactTimes, sideOf } from "../scene/contacts";
 import type { Opened } from "../unpack";
+import type { Band } from "./series_plot";
 
 /** Something that has a value at each sample. */
 export interface Measure {
@@ -147,6 +148,17 @@ export function observationsOf(measure: Measure, track: Tracks, object: string):
     sigma: Float64Array.from(times, (_, row) => sigma[count * row + column]!),
     heldOutFrom: track.held_out_from ?? Infinity,
   };
+}
+
+/** Where nine of ten members of the rollout's ensemble have a coordinate; null where none is stored. */
+export function bandOf(measure: Measure, rollout: RolloutView, object: string): Omit<Band, "color"> | null {
+  const column = rollout.names.indexOf(object);
+  if (!rollout.spread || measure.coordinate === undefined || column < 0) return null;
+  const { times, low, high } = rollout.spread;
+  const source = opened.value!;
+  const at = (values: Float32Array | Float64Array) =>
+    Float64Array.from({ length: times.shape[0]! }, (_, row) => values[3 * (row * rollout.names.length + column) + measure.coordinate!]!);
+  return { times: source.floats(times), low: at(source.floats(low)), high: at(source.floats(high)) };
 }
 
 /** First index whose time is at or after t; times ascend. */

@@ -16,6 +16,14 @@ export interface Line {
   points: Points;
 }
 
+/** Where nine of ten members of an ensemble are. */
+export interface Band {
+  color: string;
+  times: ArrayLike<number>;
+  low: ArrayLike<number>;
+  high: ArrayLike<number>;
+}
+
 export interface Dots {
   object: string;
   color: string;
@@ -41,6 +49,7 @@ export function plot(
   measure: Measure,
   lines: Line[],
   dots: Dots[],
+  bands: Band[],
   reports: Reports,
 ): uPlot {
   const [from, to] = view.value;
@@ -58,7 +67,7 @@ export function plot(
     ...size,
     legend: { show: false },
     cursor: { drag: { x: true, y: false, setScale: false }, points: { size: 7 }, y: false },
-    scales: { x: { time: false, range: () => view.peek() }, y: { range: padded(dots) } },
+    scales: { x: { time: false, range: () => view.peek() }, y: { range: padded(dots, bands) } },
     axes: [
       { ...axis, label: "time [s]", size: 34, labelSize: 18, values: format },
       {
@@ -80,6 +89,7 @@ export function plot(
       ...dots.map<uPlot.Series>((dot) => ({ stroke: legible(dot.color), paths: () => null, points: { show: false } })),
     ],
     hooks: {
+      drawAxes: [(u) => drawBands(u, bands)],
       draw: [(u) => drawDots(u, dots, [from, to]), (u) => drawLabels(u, lines), () => reports.drawn()],
       setCursor: [(u) => reports.hover((u.cursor.left ?? -1) < 0 ? null : u.posToVal(u.cursor.left!, "x"))],
       setSelect: [(u) => select(u)],
@@ -96,9 +106,16 @@ function table([x, y]: [number[], number[]]): uPlot.AlignedData {
   return [x, y.map((value) => (Number.isFinite(value) ? value : null))];
 }
 
-/** Range of the values with room for the error bars, and for a constant. */
-function padded(dots: Dots[]): uPlot.Scale.Range {
-  return (_, low, high) => {
+/** Range of the values with room for bands and error bars, and for a constant. */
+function padded(dots: Dots[], bands: Band[]): uPlot.Scale.Range {
+  return (u, low, high) => {
+    const { min = -Infinity, max = Infinity } = u.scales.x ?? {};
+    for (const band of bands)
+      for (let k = 0; k < band.times.length; k++) {
+        if (band.times[k]! < min! || band.times[k]! > max! || Number.isNaN(band.low[k]!)) continue;
+        low = Math.min(low ?? Infinity, band.low[k]!);
+        high = Math.max(high ?? -Infinity, band.high[k]!);
+      }
     if (low === null || high === null) return [0, 1];
     let most = 0;
     for (const { observed } of dots) for (const s of Array.from(observed.sigma)) if (s > most) most = s;
@@ -108,7 +125,7 @@ function padded(dots: Dots[]): uPlot.Scale.Range {
   };
 }
 
-function tickText(t: number, all: number[]): string {
+export function tickText(t: number, all: number[]): string {
   const step = all.length > 1 ? Math.abs(all[1]! - all[0]!) : Math.abs(t) || 1;
   const largest = Math.max(...all.map(Math.abs));
   if (largest >= 1e5 || (largest > 0 && largest < 1e-3)) return t === 0 ? "0" : digits(t, 2);
@@ -129,6 +146,26 @@ function clicks(u: uPlot): void {
     if (Math.abs(event.clientX - pressed) >= CLICK) return;
     seek(u.posToVal(event.clientX - u.over.getBoundingClientRect().left, "x"));
   });
+}
+
+function drawBands(u: uPlot, bands: Band[]): void {
+  const { ctx } = u;
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
+  ctx.clip();
+  ctx.globalAlpha = 0.2;
+  for (const { color, times, low, high } of bands) {
+    const kept = Array.from(times, (_, k) => k).filter((k) => Number.isFinite(low[k]! + high[k]!));
+    const to = (k: number, values: ArrayLike<number>) =>
+      ctx.lineTo(u.valToPos(times[k]!, "x", true), u.valToPos(values[k]!, "y", true));
+    ctx.fillStyle = legible(color);
+    ctx.beginPath();
+    for (const k of kept) to(k, low);
+    for (const k of kept.toReversed()) to(k, high);
+    ctx.fill();
+  }
+  ctx.restore();
 }
 
 /** Observed positions with bars of one standard deviation; hollow where they were held out. */

@@ -6,6 +6,7 @@ import { digits } from "../format";
 import { Icon } from "../icons";
 import { document, duration, filmEnd, nearestFrame, seek, time, track } from "../state";
 import { Shape } from "./mark_shapes";
+import { notes } from "./notes";
 import { LaneMarks, LANE, tip } from "./timeline_lane";
 import { heldOut, heldOutRuns, MARGIN, moment, place, reveal, showInterval, ticks, view, width, zoom, zoomed } from "./timeline_view";
 import "./timeline.css";
@@ -70,6 +71,9 @@ function Scrubber() {
     >
       <div class="track">
         {zoomed.value && <div class="part" style={{ left: share(from), width: share(to - from) }} />}
+        {notes.value.map((note) => (
+          <i key={note.id} class="flag" title={note.text} style={{ left: share(note.time) }} />
+        ))}
         <div class="thumb" style={{ left: share(time.value) }} />
       </div>
     </div>

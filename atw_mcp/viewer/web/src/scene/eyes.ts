@@ -9,6 +9,8 @@ import { calm } from "../theme";
 const VIEW = 34;
 /** Room around what is fitted into view. */
 const MARGIN = 1.12;
+/** Least angle between the floor and where the orbiting eye looks at first [rad]: flatter, it shows no places on it. */
+const LEAST_HEIGHT = 0.35;
 /** One press of an arrow key [rad]. */
 const PRESS = Math.PI / 24;
 
@@ -105,13 +107,13 @@ export class Eyes {
     if (camera) {
       // as the video sees it, but neither from below nor flat
       const away = new Vector3().fromArray(camera.rotation[2]!).negate();
-      const height = Math.min(Math.max(Math.asin(Math.min(1, Math.max(-1, away.z))), 0.26), 0.8);
+      const height = Math.min(Math.max(Math.asin(Math.min(1, Math.max(-1, away.z))), LEAST_HEIGHT), 0.8);
       const around = Math.atan2(away.y, away.x);
       return new Vector3(Math.cos(around) * Math.cos(height), Math.sin(around) * Math.cos(height), Math.sin(height));
     }
     const upright = Math.abs(normal.z) < 0.7; // the plane of motion, such as a pendulum's
     const around = (upright ? Math.atan2(normal.y, normal.x) + 0.35 : -Math.PI / 3);
-    const height = upright ? 0.28 : 0.5;
+    const height = upright ? LEAST_HEIGHT : 0.5;
     return new Vector3(Math.cos(around) * Math.cos(height), Math.sin(around) * Math.cos(height), Math.sin(height));
   }
 

@@ -1,5 +1,5 @@
 // The plane that objects move in, seen straight on.
-import { Vector3 } from "three";
+import { Plane, Vector3 } from "three";
 import type { RolloutView, WorldView } from "../document";
 import type { Opened } from "../unpack";
 
@@ -38,6 +38,17 @@ export function planeNormal(opened: Opened, world: WorldView, rollout: RolloutVi
   const flat = variance[least]! < FLAT * Math.min(...others);
   if (flat && world.planar) return toAxis([0, 1, 2].map((k) => Number(k === least)));
   return flat && least !== 2 ? toAxis([0, 1, 2].map((k) => Number(k === least))) : new Vector3(0, 0, 1);
+}
+
+/** The plane of motion: through the middle of what moves, of its starts where it was not run. */
+export function planeOfMotion(opened: Opened, world: WorldView, rollout: RolloutView | null): Plane {
+  const places = rollout ?? world.start;
+  const values = places ? opened.floats(places.positions) : [];
+  const middle = [0, 1, 2].map((k) => {
+    const own = Array.from(values).filter((x, i) => i % 3 === k && Number.isFinite(x));
+    return own.reduce((sum, x) => sum + x, 0) / Math.max(own.length, 1);
+  });
+  return new Plane().setFromNormalAndCoplanarPoint(planeNormal(opened, world, rollout), new Vector3().fromArray(middle));
 }
 
 /** The nearest axis with the sign that shows x to the right, or y where x is the depth, and z upwards. */

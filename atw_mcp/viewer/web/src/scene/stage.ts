@@ -8,7 +8,7 @@ import { extentOf, union } from "./extent";
 import { Eyes } from "./eyes";
 import { Labels, type Window } from "./labels";
 import type { Palette } from "./palette";
-import { planeNormal } from "./plane_of_motion";
+import { planeNormal, planeOfMotion } from "./plane_of_motion";
 import { View, type Shown } from "./view";
 
 /** Beyond two pixels of the drawing buffer a CSS pixel nothing is gained but heat. */
@@ -236,6 +236,18 @@ export class Stage {
     const part = this.window(0);
     this.eyes.resize(part.width, part.height);
     this.draw(); // at once: a canvas that has changed its size is empty
+  }
+
+  /** Where in the plane of motion a place of the canvas lies [m]; null where the eye looks along it. */
+  metres(px: number, py: number): number[] | null {
+    if (!this.subjects) return null;
+    const { opened, shown } = this.subjects;
+    const at = this.views.findLastIndex((_, i) => px >= this.window(i).x && py >= this.window(i).y);
+    const { x, y, width, height } = this.window(Math.max(at, 0));
+    const caster = new Raycaster();
+    caster.setFromCamera(new Vector2((2 * (px - x)) / width - 1, 1 - (2 * (py - y)) / height), this.eyes.camera);
+    const plane = planeOfMotion(opened, shown.world, shown.rollout);
+    return caster.ray.intersectPlane(plane, new Vector3())?.toArray() ?? null;
   }
 
   /** The canvas, drawn in this moment: after it, WebGL may have cleared what is not yet displayed. */

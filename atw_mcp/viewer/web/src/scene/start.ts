@@ -22,6 +22,7 @@ export function atStart(world: WorldView): RolloutView | null {
       pushes: [],
       misfits: [],
       sampled: "",
+      spread: null,
     }
   );
 }

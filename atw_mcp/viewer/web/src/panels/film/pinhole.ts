@@ -1,5 +1,5 @@
 // The video's own camera: pixel ~ K (R X + t), u to the right, v down, whole numbers at centres of pixels.
-import { Camera, Matrix4 } from "three";
+import { Camera, Matrix3, Matrix4, Plane, Ray, Vector3 } from "three";
 import type { CameraView } from "../../document";
 
 /** Rows of a map of pixels of the first frame to those of another: u' = m0 u + m1 v + m2, v' = m3 u + m4 v + m5. */
@@ -31,6 +31,14 @@ export class Pinhole {
   project(x: number, y: number, z: number): [number, number] | null {
     const [u, v, w] = this.matrix.map((m) => m[0]! * x + m[1]! * y + m[2]! * z + m[3]!) as [number, number, number];
     return w > 1e-9 ? [u / w, v / w] : null;
+  }
+
+  /** Where the ray through a pixel meets a plane [m]; null where it does not, in front of the camera. */
+  meets(u: number, v: number, plane: Plane): Vector3 | null {
+    const rotation = new Matrix3().fromArray(this.view.rotation.flat()); // columns of three.js: transposed, its inverse
+    const direction = new Vector3(u, v, 1).applyMatrix3(new Matrix3().fromArray(this.intrinsics.flat()).transpose().invert());
+    const from = new Vector3().fromArray(this.view.translation).negate().applyMatrix3(rotation);
+    return new Ray(from, direction.applyMatrix3(rotation).normalize()).intersectPlane(plane, new Vector3());
   }
 
   /** Distance of a point from the camera's plane [m]. */

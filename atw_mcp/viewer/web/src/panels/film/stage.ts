@@ -15,6 +15,7 @@ import {
   speed,
   world,
 } from "../../state";
+import { planeOfMotion } from "../../scene/plane_of_motion";
 import type { Opened } from "../../unpack";
 import { COMPARED, DASHES, OBSERVED, SHOWN, Sheet, type Ink } from "./drawing";
 import { FrameTimes } from "./frame_times";
@@ -134,6 +135,15 @@ export class Stage {
       lines.unshift(`observed${as}: ${outline.status}${sure}`);
     }
     return { name, lines };
+  }
+
+  /** Where in the plane of motion a place of the canvas lies [m]; null where no camera says. */
+  metres(x: number, y: number): number[] | null {
+    const [run, its] = [rollout.peek(), world.peek()];
+    if (!its?.camera) return null;
+    const scale = this.screen.peek().width / this.size.width;
+    const eye = new Pinhole(its.camera, this.motion(this.place.peek()));
+    return eye.meets(x / scale - 0.5, y / scale - 0.5, planeOfMotion(this.opened, its, run))?.toArray() ?? null;
   }
 
   /** Name in the world of a track. */
