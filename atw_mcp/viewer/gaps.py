@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from atw_mcp.gap.numbers import GapNumbers, Jump, Residuals
 from atw_mcp.viewer import document as view
 from atw_mcp.viewer.packing import Blocks
+from atw_mcp.viewer.parts import Block
 from evidence_store import Case, Evidence, EvidenceStore, StoreError
 
 Array = NDArray[np.float64]
@@ -87,7 +88,7 @@ def _series(run: str, parts: Sequence[Residuals], blocks: Blocks) -> view.GapSer
     """Join the parts of a run."""
     parts = sorted(parts, key=lambda part: part.times[0])
 
-    def joined(values: Iterable[Array]) -> view.Block:
+    def joined(values: Iterable[Array]) -> Block:
         return blocks.floats(np.concatenate(list(values)))
 
     with_effect = any(np.isfinite(part.residual_after).any() for part in parts)

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atw_mcp.viewer.document import Block, ViewDocument
+from atw_mcp.viewer.document import ViewDocument
+from atw_mcp.viewer.parts import Block
 
 MAGIC = b"ATWV"
 ALIGNMENT = 4  # bytes: typed arrays of JavaScript begin at multiples of the size of their elements

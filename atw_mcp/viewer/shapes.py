@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from atw_mcp.viewer import document as view
+from atw_mcp.viewer import parts
 from atw_mcp.viewer.packing import Blocks
 from polyworld.world import geometry
 from polyworld.world.shapes import (
@@ -27,21 +27,21 @@ from polyworld.world.shapes import (
 Array = NDArray[np.float64]
 
 
-def shape_view(shape: BodyShape | StaticShape, blocks: Blocks) -> view.Shape:
+def shape_view(shape: BodyShape | StaticShape, blocks: Blocks) -> parts.Shape:
     """Return a shape in the axes of its body, whose origin is its centre of mass."""
     if isinstance(shape, Sphere):
-        return view.Sphere(radius=shape.radius)
+        return parts.Sphere(radius=shape.radius)
     if isinstance(shape, Box):
-        return view.Box(half_extents=list(shape.half_extents))
+        return parts.Box(half_extents=list(shape.half_extents))
     if isinstance(shape, Cylinder):
-        return view.Cylinder(radius=shape.radius, half_height=shape.half_height)
+        return parts.Cylinder(radius=shape.radius, half_height=shape.half_height)
     if isinstance(shape, Capsule):
-        return view.Capsule(radius=shape.radius, half_height=shape.half_height)
+        return parts.Capsule(radius=shape.radius, half_height=shape.half_height)
     if isinstance(shape, Plane):
         normal = np.asarray(shape.normal) / np.linalg.norm(shape.normal)
-        return view.Plane(normal=normal.tolist(), offset=shape.offset)
+        return parts.Plane(normal=normal.tolist(), offset=shape.offset)
     vertices, triangles = _triangles(shape)
-    return view.Mesh(vertices=blocks.floats(vertices), triangles=blocks.integers(triangles))
+    return parts.Mesh(vertices=blocks.floats(vertices), triangles=blocks.integers(triangles))
 
 
 def form_words(shape: BodyShape) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from atw_mcp.viewer import document as view
+from atw_mcp.viewer import parts
 from atw_mcp.viewer.colors import hex_color
 from atw_mcp.viewer.effects import effect_marks
 from atw_mcp.viewer.packing import Blocks
@@ -206,13 +207,13 @@ def _regions(world: World) -> list[view.Region]:
     return boxes + carried
 
 
-def _floor(world: World) -> view.Plane | None:
+def _floor(world: World) -> parts.Plane | None:
     """Return the plane that carries planar objects, where gravity presses them onto it."""
     plane = world.environment.motion_plane
     if not (world.planar and plane.supports and float(np.dot(world.environment.gravity, plane.normal)) < 0.0):
         return None
     normal = _unit(plane.normal)
-    return view.Plane(normal=normal, offset=float(np.dot(normal, plane.point)))
+    return parts.Plane(normal=normal, offset=float(np.dot(normal, plane.point)))
 
 
 def _parameters(world: World) -> list[view.Value]:

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from atw_mcp.calls.app import App
 from atw_mcp.viewer import records, typescript
 from atw_mcp.viewer.case_document import case_document
-from atw_mcp.viewer.document import Block, ViewDocument
+from atw_mcp.viewer.document import ViewDocument
 from atw_mcp.viewer.packing import Blocks, packed, unpacked
+from atw_mcp.viewer.parts import Block
 from atw_mcp.worlds.rollouts import compute_rollout, rollout_from
 from evidence_store import Evidence, EvidenceStore, UnknownRecord
 from tests.atw_mcp.two_discs import FRAME, GAP, MEETING, SPEED, case_with, two_discs

@@ -10,10 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 from atw_mcp.viewer.case_document import case_document
-from atw_mcp.viewer.document import Block, GapView
+from atw_mcp.viewer.document import GapView
 from atw_mcp.viewer.gaps import gap_views
 from atw_mcp.viewer.packing import Blocks, packed
 from atw_mcp.viewer.page import page
+from atw_mcp.viewer.parts import Block
 from evidence_store import EvidenceStore
 from evidence_store.export import export_case, import_case
 from tests.atw_mcp.gap.thrown_ball import DRAG, LAUNCHES, SIGMA, flown, world, write_table

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from atw_mcp.viewer import document as view
+from atw_mcp.viewer import parts
 from atw_mcp.viewer.packing import Blocks, packed
 from atw_mcp.viewer.page import page
 from polyworld.world.camera import Camera
@@ -56,7 +57,7 @@ def _world(identifier: str, names: list[str]) -> view.WorldView:
                 kind="rigid",
                 color="#d55e00",
                 mass=1.0,
-                shape=view.Sphere(radius=0.05),
+                shape=parts.Sphere(radius=0.05),
                 radius=None,
                 segments=None,
                 triangles=None,

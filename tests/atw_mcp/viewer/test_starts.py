@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
-from atw_mcp.viewer import document as view
+from atw_mcp.viewer import parts
 from atw_mcp.viewer.packing import Blocks
 from atw_mcp.viewer.worlds import world_view
 from polyworld.model import mesh_of
@@ -19,7 +19,7 @@ from tests.atw_mcp.viewer import scenes
 ABOUT: dict[str, Any] = {"label": "", "origin": "built", "parent": None, "committed": False}
 
 
-def numbers(blocks: Blocks, block: view.Block) -> NDArray[Any]:
+def numbers(blocks: Blocks, block: parts.Block) -> NDArray[Any]:
     kind = np.dtype(block.dtype)
     flat: NDArray[Any] = np.frombuffer(blocks.joined(), kind, int(np.prod(block.shape)), block.offset)
     return flat.reshape(block.shape)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from atw_mcp.viewer import document as view
+from atw_mcp.viewer import parts
 from atw_mcp.viewer.packing import Blocks
 from atw_mcp.viewer.rollouts import rollout_view
 from atw_mcp.viewer.shapes import shape_view
@@ -36,7 +37,7 @@ class Seen:
         self.world = world_view(world, self.blocks, colors, runs=[run], **about)
         self.rollout = rollout_view("rollout-1", world, self.result, self.blocks, label="", **options)
 
-    def __call__(self, block: view.Block | None) -> NDArray[Any]:
+    def __call__(self, block: parts.Block | None) -> NDArray[Any]:
         assert block is not None
         kind, count = np.dtype(block.dtype), int(np.prod(block.shape))
         return np.frombuffer(self.blocks.joined(), kind, count, block.offset).reshape(block.shape)
@@ -88,7 +89,7 @@ def at_rest(world: World, samples: int) -> Rollout:
 def test_a_mesh_has_the_volume_and_the_centre_of_its_body(shape: ConvexMesh | Compound) -> None:
     blocks = Blocks()
     found = shape_view(shape, blocks)
-    assert isinstance(found, view.Mesh)
+    assert isinstance(found, parts.Mesh)
     solid = mesh(found, blocks)
     assert_allclose(solid.volume, geometry.mass_properties(shape).volume, rtol=1e-5)  # outward: else it is negative
     assert_allclose(solid.center_mass, 0.0, atol=1e-5)
@@ -97,19 +98,19 @@ def test_a_mesh_has_the_volume_and_the_centre_of_its_body(shape: ConvexMesh | Co
 def test_statics_are_where_they_stand() -> None:
     blocks = Blocks()
     wall = shape_view(Wall(start=(1, 0, 0), end=(1, 2, 0), height=0.5, thickness=0.1), blocks)
-    assert isinstance(wall, view.Mesh)
+    assert isinstance(wall, parts.Mesh)
     assert_allclose(mesh(wall, blocks).bounds, [[0.95, 0, 0], [1.05, 2, 0.5]], atol=1e-6)
     ground = TriangleMesh(vertices=((0, 0, 0), (1, 0, 0), (0, 1, 0)), faces=((0, 1, 2),))
-    assert isinstance(shape_view(ground, blocks), view.Mesh)
-    assert shape_view(Plane(normal=(0, 0, 2.0), offset=0.3), blocks) == view.Plane(normal=[0, 0, 1], offset=0.3)
+    assert isinstance(shape_view(ground, blocks), parts.Mesh)
+    assert shape_view(Plane(normal=(0, 0, 2.0), offset=0.3), blocks) == parts.Plane(normal=[0, 0, 1], offset=0.3)
     simple: list[tuple[Any, BaseModel]] = [
-        (Sphere(radius=0.2), view.Sphere(radius=0.2)),
-        (Cylinder(radius=0.2, half_height=0.1), view.Cylinder(radius=0.2, half_height=0.1)),
+        (Sphere(radius=0.2), parts.Sphere(radius=0.2)),
+        (Cylinder(radius=0.2, half_height=0.1), parts.Cylinder(radius=0.2, half_height=0.1)),
     ]
     assert all(shape_view(shape, blocks) == expected for shape, expected in simple)
 
 
-def mesh(shape: view.Mesh, blocks: Blocks) -> trimesh.Trimesh:
+def mesh(shape: parts.Mesh, blocks: Blocks) -> trimesh.Trimesh:
     whole = blocks.joined()
     vertices = np.frombuffer(whole, "<f4", 3 * shape.vertices.shape[0], shape.vertices.offset).reshape(-1, 3)
     triangles = np.frombuffer(whole, "<i4", 3 * shape.triangles.shape[0], shape.triangles.offset).reshape(-1, 3)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.viewer import document as view
+from atw_mcp.viewer import parts
 from atw_mcp.viewer.packing import Blocks, packed
 from atw_mcp.viewer.page import page
 
@@ -46,7 +47,7 @@ def _world(identifier: str, label: str, names: list[str]) -> view.WorldView:
             kind="rigid",
             color=color,
             mass=1.5,
-            shape=view.Sphere(radius=0.1),
+            shape=parts.Sphere(radius=0.1),
             radius=None,
             segments=None,
             triangles=None,
