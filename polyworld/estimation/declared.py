@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -74,14 +74,15 @@ def constants(
     coefficients of effects, joints, pulleys, emitters and deformable materials.
 
     rolling: how what can roll moves. time_base: also seconds_per_frame. materials: fields of deformable materials,
-    default those that their registry names.
+    default those that their registry names; of liquids that no run shows, none: bodies in water say little of it.
     """
     rows = _Rows(study, settings, rolling)
     found = [*rows.frictions(), *rows.restitutions(), *rows.rolling_resistances(), *rows.dampings(), *rows.masses()]
     worlds = [run.world for run in study.runs]
     paths: dict[str, World] = {}
+    seen = {name for run in study.runs for name in run.tracks.observed_names}
     for world in worlds:
-        paths |= dict.fromkeys(_other_paths(world, materials), world)
+        paths |= dict.fromkeys(_other_paths(world, materials, seen), world)
     taken = {path for u in found for path in u.paths}
     found += [
         joint_resistance(world, path, settings) if path.startswith("joints.") else flat(world, (path,))
@@ -97,7 +98,7 @@ def constants(
     return found
 
 
-def _other_paths(world: World, materials: Sequence[str] | None) -> list[str]:
+def _other_paths(world: World, materials: Sequence[str] | None, seen: Collection[str]) -> list[str]:
     """Paths of numbers that have no ordinary value: of effects, joints, pulleys, emitters, deformable materials."""
     ours = [e.name for e in world.effects if e.name in (RESISTANCE, AIR_DRAG) or e.kind == "collision_slack"]
     acting = [e for e in world.effects if e.enabled and e.name not in ours]
@@ -106,6 +107,8 @@ def _other_paths(world: World, materials: Sequence[str] | None) -> list[str]:
         entry = material_of(item)
         beside = entry.form == "liquid" and item.name != world.of_form("liquid")[0].name  # densities enter as ratios
         fitted = (*entry.fitted, "density") if beside else entry.fitted
+        if entry.form == "liquid" and item.name not in seen and materials is None:
+            continue
         found += [
             f"objects.{item.name}.{f}" for f in (fitted if materials is None else materials) if f in entry.parameters
         ]

@@ -210,7 +210,7 @@ def _supported(
     first = np.array([tangents[k] @ support.position if k in level else 0.0 for k in kept])
     tangents = tangents[kept]
     moves, ball = begins.moves, isinstance(item.shape, Sphere)
-    heading = begins.turn is not None and not ball
+    heading = begins.turn is not None and not ball and len(begins.about) == 3  # none in a plane across the surface
     rolls = support.rolls and moves and not support.turns
     phased = heading and rolls and support.axis is not None  # how far it has rolled shows
     ratio = 1.0 if rolling == "rolls" else 0.0
@@ -222,7 +222,7 @@ def _supported(
     if heading and moves:
         found["turning"] = (float(begins.spin @ n), 10.0 * TURN)
     if ball and begins.turn is not None:
-        found |= {f"rotation.{a}": (float(v), TURN) for a, v in zip("xyz", begins.turn, strict=True)}
+        found |= {f"rotation.{'xyz'[a]}": (float(begins.turn[a]), TURN) for a in begins.about}
     if support.turns and moves:
         found |= {f"angular_velocity.{'xyz'[a]}": (float(begins.spin[a]), 10.0 * TURN) for a in begins.spun}
     if rolls and rolling != "skids":

@@ -173,7 +173,6 @@ def _known(scene: Key) -> dict[str, Any]:
         ]
         deep = water["tank"]["y"][1] - water["tank"]["y"][0]
         found["objects"] = [_seen_from_side(body, deep) for body in objects]
-        found["fit"] = {"parameters": [{"paths": ["objects.water.viscosity"], "fixed": True}]}  # water's, not honey's
     if build:
         found["build"] = build
     if known["side_view"] or "soft" in known:

@@ -73,18 +73,18 @@ def test_a_body_at_rest_stays_at_rest(seed: int) -> None:
     assert found.positions[-1, :, :2] == pytest.approx(np.array([[0.0, 0.0], [1.0, 0.0]]), abs=0.005)
 
 
-def test_a_ball_seen_within_the_floor_of_a_side_view_stays_on_it() -> None:
-    """It rolls nearer to the camera than the plane of motion, and nothing shows how fast it is along the vertical."""
+def test_bodies_seen_within_the_floor_of_a_side_view_stay_on_it() -> None:
+    """They are nearer to the camera than the plane of motion, and nothing shows how fast they are vertically."""
     path = still(z=0.7 * RADIUS) + 0.3 * frames(COUNT)[:, None] * [1.0, 0.0, 0.0]
-    tracks = tracks_of({"ball": path}, seed=1)
+    rest = still(z=0.7 * RADIUS, x=-1.0)
+    tracks = tracks_of({"ball": path, "box": rest}, orientations={"box": upright(COUNT)}, seed=1)
     side = MotionPlane(normal=(0.0, -1.0, 0.0))
     environment = Environment(gravity=(0.0, 0.0, -GRAVITY), motion_plane=side)
-    flat = ball().model_copy(update={"representation": "rigid_planar"})
-    start = scene([flat], tracks, environment=environment)
-    found = fit(of_one(start, tracks), FitOptions(members=32))
-    later = simulator(found.runs[0].start, np.array([0.0, 1.0]), n_worlds=32).run(found.runs[0].sample)
-    assert later.positions[:, 1, 0, 2] == pytest.approx(np.full(32, RADIUS), abs=1e-3)
-    assert np.abs(later.positions[:, 1, 0, 0] - 0.3).max() < 0.1
+    planar = [body.model_copy(update={"representation": "rigid_planar"}) for body in (ball(), box())]
+    found = fit(of_one(scene(planar, tracks, environment=environment), tracks), FitOptions(members=32)).runs[0]
+    later = simulator(found.start, np.array([0.0, 1.0]), n_worlds=32).run(found.sample).positions[:, 1]
+    assert later[:, :, 2] == pytest.approx(np.full((32, 2), RADIUS), abs=1e-3)
+    assert np.abs(later[:, :, 0] - [0.3, -1.0]).max() < 0.1
 
 
 def test_what_flies_falls_or_hovers_is_not_supported() -> None:
