@@ -37,7 +37,8 @@ class SamplingSettings:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Equally probable settings. shared (N, S): coordinates; states[run][block] (N, n). effective: sample size."""
+    """Equally probable settings. shared (N, S): coordinates; states[run][block] (N, n). effective: how
+    many draws their weights are worth, before any flattening."""
 
     shared: Array
     states: tuple[tuple[Array, ...], ...]
@@ -111,7 +112,7 @@ def sample(
         first = np.concatenate(place)[at] if s else np.concatenate(parts)
         scattered = first + rng.standard_normal((count, width.shape[1])) @ width.T
         states.append(tuple(np.split(scattered, np.cumsum([b.states.count for b in run])[:-1], axis=1)))
-    return Posterior(shared, tuple(states), float(1.0 / (weights**2).sum()) if s else float(count))
+    return Posterior(shared, tuple(states), counted if s else float(count))
 
 
 def _inward(mean: Array, covariance: Array, problem: Problem) -> Array:

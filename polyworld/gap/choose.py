@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap.fitting import Fitted, independent_share
+from polyworld.gap.fitting import Fitted, independent_share, share_left
 from polyworld.gap.settings import GapSettings
 
 Array = NDArray[np.float64]
@@ -144,8 +144,8 @@ def credible(pool: Sequence[Fitted], null: Fitted) -> list[Fitted]:
     """Return the hypotheses whose values are possible and whose effects are no stand-ins.
 
     What has a place or a clock bends to whatever is left: beside the hypothesis without it, it has to halve the error
-    or to reach the noise; a picture that is bent has to reach it. What acts at one place must help two runs, or
-    bring one to the noise, else a run is unlike the others.
+    beyond the noise, or to reach the noise; a picture that is bent has to come near it, too. What acts at one place
+    must help two runs, or bring one to the noise, else a run is unlike the others.
     """
     settings = null.ground.settings
     counts = null.ground.counts
@@ -157,8 +157,10 @@ def credible(pool: Sequence[Fitted], null: Fitted) -> list[Fitted]:
         for part in f.hypothesis.parts:
             without = f.hypothesis.key - {(part.candidate.name, part.variant.label)}
             less = known.get(without, null)
-            halved = 0.0 if part.bends else settings.halved * less.error
-            if part.stands_in and f.error > max(settings.near_noise, halved):
+            reached = f.error < 1.0 + settings.noise_error
+            if part.stands_in and not reached and share_left(less.error, f.error) > settings.halved:
+                break
+            if part.bends and f.error > settings.near_noise:
                 break
             by_fold = helped(f, less)
             alone = by_fold.sum() < 2 and np.all(f.errors[by_fold] > settings.near_noise)
