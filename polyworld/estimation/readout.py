@@ -194,17 +194,16 @@ class RunReadout:
 
 
 def arcs(world: World, run: Run) -> dict[int, tuple[Array, Array]]:
-    """Return by column of what was measured as an angle its arc (T,) [m], NaN where unseen, and unit tangents (T, 3)."""
+    """Return by column of what was measured as an angle its arc (T,) [m], NaN if unseen, and unit tangents (T, 3)."""
     found = {}
     for column in np.flatnonzero(np.isfinite(run.arms)).tolist():
         body, places = HingedBody.of(world, run.names[column]), run.positions[:, column]
         seen = np.isfinite(places).sum(axis=1) >= 2
         arm = np.where(seen[:, None], np.nan_to_num(places - body.anchor), body.arm)
-        tangent = np.cross(body.axis, arm)
+        tangent, first = np.cross(body.axis, arm), np.cross(body.axis, body.arm)
         tangent /= np.linalg.norm(tangent, axis=1)[:, None]
         arc = np.full(len(places), np.nan)
-        angle = np.arctan2(arm @ np.cross(body.axis, body.arm), np.cross(body.axis, arm) @ np.cross(body.axis, body.arm))
-        arc[seen] = run.arms[column] * np.unwrap(angle[seen])
+        arc[seen] = run.arms[column] * np.unwrap(np.arctan2(arm @ first, tangent @ first * run.arms[column])[seen])
         found[column] = arc, tangent
     return found
 

@@ -31,8 +31,9 @@ MORE = {
     "wind": Names(("wind", "quadratic_drag")),
     "restitution_speed": Names(("restitution_speed", "restitution_error")),
 }
-# Coulomb friction of bounces that spin does not act on is none of the catalogue's two, and nearly either.
-NEARLY = {"b_fric"}
+# Coulomb friction of bounces that spin does not act on is none of the catalogue's two, and nearly either; neither is a
+# kick by spin alone, whatever the speed along the floor, the grip of a superball.
+NEARLY = {"b_fric", "b_spin"}
 
 
 def listed() -> list[str]:
