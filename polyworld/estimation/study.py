@@ -55,7 +55,7 @@ class Study:
                     column = run.names.index(item.name)
                     never = ~np.isfinite(positions[:, column]).any(axis=0)
                     seen = np.isfinite(positions[:, column]).any(axis=1)
-                    positions[np.ix_(seen, [column], never)] = np.asarray(item.position)[never]
+                    positions[:, column] = np.where(seen[:, None] & never, item.position, positions[:, column])
                     spin = np.array([first_value(run.times, v) for v in run.angular_velocities[:, column].T])
                     spin = np.where(np.isfinite(spin), spin, item.angular_velocity)
                     item = item.model_copy(update={"angular_velocity": tuple(spin.tolist())})
