@@ -80,7 +80,8 @@ def choose(
 
     Near the best is what is within `nats` of it: noise moves a difference of D nats by sqrt(2 D). Where model error is
     left, also what is better in a `share` of resamplings: gains that some runs have and others have not, such as those
-    of a wall, make no standard error. Else, what is better without one of the folds: no single run decides.
+    of a wall, make no standard error. Else, what is better without one of the folds: no single run decides. Also what
+    is as simple as the chosen one and within `nats` of that: a richer one that is better still rules out neither.
     """
     again = None
     if totals is None:
@@ -97,6 +98,7 @@ def choose(
     least = cost[near].min()
     simple = [i for i in np.flatnonzero(near).tolist() if cost[i] <= least + 1e-6]
     winner = min(simple, key=lambda i: float(totals[i]))
+    near |= (cost <= least + 1e-6) & (totals - totals[winner] <= settings.nats)
     return Choice(pool[winner], tuple(pool[i] for i in np.flatnonzero(near).tolist()), share)
 
 
