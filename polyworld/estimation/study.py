@@ -53,9 +53,9 @@ class Study:
             for item in world.objects:
                 if item.name in run.names:
                     column = run.names.index(item.name)
-                    never = ~np.isfinite(positions[:, column]).any(axis=0)
-                    seen = np.isfinite(positions[:, column]).any(axis=1)
-                    positions[:, column] = np.where(seen[:, None] & never, item.position, positions[:, column])
+                    known = np.isfinite(positions[:, column])
+                    never = known.any(axis=1, keepdims=True) & ~known.any(axis=0, keepdims=True)
+                    positions[:, column] = np.where(never, item.position, positions[:, column])
                     spin = np.array([first_value(run.times, v) for v in run.angular_velocities[:, column].T])
                     spin = np.where(np.isfinite(spin), spin, item.angular_velocity)
                     item = item.model_copy(update={"angular_velocity": tuple(spin.tolist())})

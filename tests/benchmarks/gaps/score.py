@@ -27,7 +27,8 @@ def outcome(case: Case, kind: str, answers: Sequence[Names], equivalent: Sequenc
     right: the truth's class of effects named alone; "nothing missing" of nothing; "unexplained" of a law outside the
     catalogue. wrong: one class, and not the truth's, though it be a part of it. honest: the truth among several answers
     or equivalents, no name at all, nothing missing where the effect does not stand out of the noise, or a part of a
-    truth of which the weakest effect does not. missed: nothing missing where it does. uncovered: several answers and none the truth, or an alarm about nothing.
+    truth of which the weakest effect does not. missed: nothing missing where it does. uncovered: several answers and
+    none the truth, or an alarm about nothing.
     """
     nothing = case.truths == NOTHING
     if kind == "nothing_missing":
