@@ -159,7 +159,7 @@ def credible(pool: Sequence[Fitted], null: Fitted) -> list[Fitted]:
         for part in f.hypothesis.parts:
             without = f.hypothesis.key - {(part.candidate.name, part.variant.label)}
             less = known.get(without, null)
-            reached = f.error < 1.0 + settings.noise_error
+            reached = f.error < 1.0 + 2.0 * settings.noise_error  # two standard errors of the noise itself
             if part.stands_in and not reached and share_left(less.error, f.error) > settings.halved:
                 break
             if part.bends and f.error > settings.near_noise:
