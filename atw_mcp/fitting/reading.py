@@ -10,6 +10,7 @@ import numpy as np
 from atw_mcp.calls.app import App
 from atw_mcp.fitting.verdict import cure
 from evidence_store import Case, Evidence
+from polyworld.edits.removal import MET
 from polyworld.estimation.readout import gyration_radius
 from polyworld.world import World
 
@@ -42,11 +43,11 @@ def doubts(world: World, document: dict[str, Any]) -> list[str]:
                 f"{turn * radius:.2g} m): the world may lack something (torsional_radius, an effect)"
             )
     found += _off(document)
-    strained = [i + 1 for i, slack in enumerate(document["slack"]) if slack > SLACK]
+    strained = [_collision(world, i) for i, slack in enumerate(document["slack"], start=1) if slack > SLACK]
     if strained:
         found.append(
-            f"collision {', '.join(map(str, strained))} leaves bodies otherwise than restitution and friction allow: "
-            "its pulses (effects slack_*) carry the rest"
+            f"the collision of {'; of '.join(strained)} leaves bodies otherwise than restitution and friction allow: "
+            "its pulses (effects slack_*) carry the rest, and any bounce off something else at that time"
         )
     on = [
         f"{v['name']} = {v['value']:.3g} ({v['bounds'][0]:.3g} to {v['bounds'][1]:.3g})"
@@ -56,6 +57,13 @@ def doubts(world: World, document: dict[str, Any]) -> list[str]:
     if on:
         found.append(f"on a bound: {', '.join(on)}: FitWorld(parameters=[{{paths, lower, upper}}]) searches wider")
     return found
+
+
+def _collision(world: World, number: int) -> str:
+    """Return who takes part in a collision of a fitted world, and when, by its pulses."""
+    pulses = [e for e in world.effects if e.name.startswith(f"{MET}{number}_") and not e.name.endswith("_after")]
+    bodies = " and ".join(name for e in pulses for name in e.objects or ())
+    return f"{bodies} at {pulses[0].parameters['time']:.3g} s" if pulses else f"number {number}"
 
 
 def verdict_in_words(document: dict[str, Any]) -> str:

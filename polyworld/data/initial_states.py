@@ -81,7 +81,8 @@ def with_initial_states(world: World, tracks: ObservedTracks) -> World:
     """The world with every tracked object placed and set in motion as its track begins.
 
     An object first seen after frame 0 joins the simulation at that frame. In planar worlds the position's
-    height above the motion plane, and the orientation's tilt, stay as the world has them.
+    height above the motion plane, and the orientation's tilt, stay as the world has them, and so does the spin of what
+    was not seen to turn.
     """
     axes = geometry.plane_axes(world.environment.motion_plane)
     frame, gravity = world.time.seconds_per_frame, world.environment.gravity
@@ -92,6 +93,8 @@ def with_initial_states(world: World, tracks: ObservedTracks) -> World:
         if state is None:
             continue
         position, velocity, spin = state.position, state.velocity, state.angular_velocity
+        if state.orientation is None or tracks.symmetry[tracks.index(state.name)] == 0:
+            spin = np.asarray(item["angular_velocity"])
         if world.planar:
             n = axes[2]
             position = position + n * (n @ (np.asarray(item["position"]) - position))

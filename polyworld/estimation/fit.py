@@ -227,7 +227,7 @@ class _Fit:
         """Sample the posterior, and compare runs with what was measured."""
         problem, minimum = found.problem, found.minimum
         drawn = self._drawn(found)
-        first = self._drawn(early, SamplingSettings(most=4)) if early else ()
+        first = self._drawn(early, SamplingSettings(most=4, draws=64)) if early else ()
         runs = [self._run(r, run, drawn, first, cuts[r]) for r, run in enumerate(self.study.runs)]
         self.rollouts += problem.rollouts + (early.problem.rollouts if early else 0)
         count = sum(b.size for blocks in problem.runs for b in blocks)

@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.initial_states import free_stretch
+from polyworld.data.noise import noise_level
 from polyworld.data.recording import Run
 from polyworld.world import World, geometry
 from polyworld.world.representations.joint import Fixed, Hinge, Joint, Slider, Spring
@@ -21,7 +23,7 @@ from polyworld.world.symmetry import rotation_vector
 
 Array = NDArray[np.float64]
 
-EARLY = 16  # samples from which a first place and rate are taken: with a curvature, for an unknown acceleration
+EARLY = 16  # most samples from which a first place and rate are taken: with a curvature, as far as that describes them
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,9 @@ class Linkage:
             elif link.free:
                 if isinstance(link.joint, Hinge):
                     q = q + _turns_between(link.stops, float(q[rows[0]]))
-                early = rows[:EARLY]
+                noise = max(float(np.nan_to_num(noise_level(times[rows], q[rows]))), 1e-9)
+                free = free_stretch(times[rows], q[rows][:, None], np.ones(len(rows)), noise, 1)
+                early = rows[: min(free, EARLY)]
                 fitted = np.polyfit(times[early], q[early], min(2, len(early) - 1))
                 found += [float(fitted[-1]), float(fitted[-2])]
             anchor = np.asarray(link.joint.anchor, dtype=float)

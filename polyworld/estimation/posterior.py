@@ -38,7 +38,8 @@ class SamplingSettings:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Equally probable settings. shared (N, S): coordinates; states[run][block] (N, n). effective: sample size."""
+    """Equally probable settings. shared (N, S): coordinates; states[run][block] (N, n). effective: how
+    many draws their weights are worth, before any flattening."""
 
     shared: Array
     states: tuple[tuple[Array, ...], ...]
@@ -122,7 +123,7 @@ def sample(
         kept = np.log(rng.uniform(size=count)) < 0.5 * (expected - true / variance)
         drawn = np.where(kept[:, None], scattered[r], first[r])
         states.append(tuple(np.split(drawn, np.cumsum([b.states.count for b in problem.runs[r]])[:-1], axis=1)))
-    return Posterior(shared, tuple(states), float(1.0 / (weights**2).sum()) if s else float(count))
+    return Posterior(shared, tuple(states), counted if s else float(count))
 
 
 def _inward(mean: Array, covariance: Array, problem: Problem) -> Array:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from polyworld.data.hinge_angles import HingedBody
 from polyworld.data.recording import Run
 from polyworld.data.shape_series import ShapeSeries
 from polyworld.data.tracks import ObservedTracks
@@ -63,10 +64,11 @@ class RunReadout:
     """Standardised residuals of a run, in the order of time, then those of shapes.
 
     Channels (9 n): of each object three of position, three of the turn from the observed to the simulated orientation
-    (in planar worlds one, about the normal), three of spin. measured (T, 9 n): which were. sigma (9 n,) or (T, 9 n):
-    standard deviations. weight (T, 9 n): confidences, 1 by default. spread (T, n, 3): one more standard deviation of
-    positions along a direction, as `ObservedTracks` has it. Planar worlds are compared in their motion plane only: what
-    happens along its normal is outside the model.
+    (in planar worlds one, about the normal), three of spin. measured (T, 9 n): which were; of an angle the coordinate
+    that moves most with it, since it is one number. sigma (T, 9 n): standard deviations. tangents: by column of such an
+    object, unit vectors (T, 3) along its arc. weight (T, 9 n): confidences, 1 by default. spread (T, n, 3): one more
+    standard deviation of positions along a direction, as `ObservedTracks` has it. Planar worlds are compared in their
+    motion plane only: what happens along its normal is outside the model.
     """
 
     def __init__(
@@ -84,6 +86,13 @@ class RunReadout:
         self.normal = geometry.plane_axes(world.environment.motion_plane)[2]
         measured = np.zeros((t, n, CHANNELS), dtype=bool)
         measured[..., :3] = np.isfinite(run.positions)
+        sigma = np.concatenate([noise.position, noise.turn, noise.spin], axis=-1)
+        sigma = np.broadcast_to(sigma, measured.shape).copy()
+        self.tangents = {k: tangent for k, (_, tangent) in arcs(world, run).items()}
+        for column, tangent in self.tangents.items():
+            steepest = np.abs(tangent).argmax(axis=1)[:, None] == np.arange(3)
+            measured[:, column, :3] &= steepest
+            sigma[:, column, :3] = np.where(steepest, sigma[:, column, :3] * np.abs(tangent), 1.0)
         turned = np.isfinite(run.orientations).all(axis=-1) & np.array(
             ["#" not in name for name in run.names], dtype=bool
         )
@@ -96,8 +105,7 @@ class RunReadout:
             measured[..., :3] &= np.abs(self.normal) < 1.0 - 1e-9  # heights above a motion plane cannot change
             measured[..., 6:] &= np.abs(self.normal) > 1e-9
         self.turned = turned
-        sigma = np.concatenate([noise.position, noise.turn, noise.spin], axis=-1)
-        self.sigma = sigma.reshape(*sigma.shape[:-2], -1)
+        self.sigma: Array = sigma.reshape(t, -1)
         self.measured: Bools = measured.reshape(t, -1)
         self.spread, self.shapes = spread, tuple(shapes)
         self._root = None if weight is None else np.sqrt(weight)
@@ -142,11 +150,9 @@ class RunReadout:
         found = self.differences(batch, samples)
         shape = found.shape
         s = shape[1]
-        found = found.reshape(*shape[:2], self.measured.shape[1]) / (
-            self.sigma if self.sigma.ndim == 1 else self.sigma[:s]
-        )
+        found = found.reshape(*shape[:2], self.measured.shape[1]) / self.sigma[:s]
         if self.spread is not None:
-            sigma = np.broadcast_to(self.sigma, self.measured.shape)[:s].reshape(shape[1:])[..., 0]
+            sigma = self.sigma[:s].reshape(shape[1:])[..., 0]
             positions = found.reshape(shape)[..., :3]
             length = np.linalg.norm(self.spread[:s], axis=-1)
             direction = self.spread[:s] / np.maximum(length, 1e-300)[..., None]
@@ -185,6 +191,21 @@ class RunReadout:
     def columns(self) -> Ints:
         """Return the channel (m,) that each residual belongs to."""
         return np.nonzero(self.measured)[1].astype(np.int64)
+
+
+def arcs(world: World, run: Run) -> dict[int, tuple[Array, Array]]:
+    """Return by column of what was measured as an angle its arc (T,) [m], NaN if unseen, and unit tangents (T, 3)."""
+    found = {}
+    for column in np.flatnonzero(np.isfinite(run.arms)).tolist():
+        body, places = HingedBody.of(world, run.names[column]), run.positions[:, column]
+        seen = np.isfinite(places).sum(axis=1) >= 2
+        arm = np.where(seen[:, None], np.nan_to_num(places - body.anchor), body.arm)
+        tangent, first = np.cross(body.axis, arm), np.cross(body.axis, body.arm)
+        tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+        arc = np.full(len(places), np.nan)
+        arc[seen] = run.arms[column] * np.unwrap(np.arctan2(arm @ first, tangent @ first * run.arms[column])[seen])
+        found[column] = arc, tangent
+    return found
 
 
 def tracks_readout(world: World, tracks: ObservedTracks, sigma: Array | None = None) -> RunReadout:

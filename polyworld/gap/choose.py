@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.gap.fitting import Fitted, independent_share
+from polyworld.gap.fitting import Fitted, independent_share, share_left
 from polyworld.gap.settings import GapSettings
 
 Array = NDArray[np.float64]
@@ -80,7 +80,8 @@ def choose(
 
     Near the best is what is within `nats` of it: noise moves a difference of D nats by sqrt(2 D). Where model error is
     left, also what is better in a `share` of resamplings: gains that some runs have and others have not, such as those
-    of a wall, make no standard error. Else, what is better without one of the folds: no single run decides.
+    of a wall, make no standard error. Else, what is better without one of the folds: no single run decides. Also what
+    is as simple as the chosen one and within `nats` of that: a richer one that is better still rules out neither.
     """
     again = None
     if totals is None:
@@ -97,6 +98,7 @@ def choose(
     least = cost[near].min()
     simple = [i for i in np.flatnonzero(near).tolist() if cost[i] <= least + 1e-6]
     winner = min(simple, key=lambda i: float(totals[i]))
+    near |= (cost <= least + 1e-6) & (totals - totals[winner] <= settings.nats)
     return Choice(pool[winner], tuple(pool[i] for i in np.flatnonzero(near).tolist()), share)
 
 
@@ -144,8 +146,8 @@ def credible(pool: Sequence[Fitted], null: Fitted) -> list[Fitted]:
     """Return the hypotheses whose values are possible and whose effects are no stand-ins.
 
     What has a place or a clock bends to whatever is left: beside the hypothesis without it, it has to halve the error
-    or to reach the noise; a picture that is bent has to reach it. What acts at one place must help two runs, or
-    bring one to the noise, else a run is unlike the others.
+    beyond the noise, or to reach the noise; a picture that is bent has to come near it, too. What acts at one place
+    must help two runs, or bring one to the noise, else a run is unlike the others.
     """
     settings = null.ground.settings
     counts = null.ground.counts
@@ -157,8 +159,10 @@ def credible(pool: Sequence[Fitted], null: Fitted) -> list[Fitted]:
         for part in f.hypothesis.parts:
             without = f.hypothesis.key - {(part.candidate.name, part.variant.label)}
             less = known.get(without, null)
-            halved = 0.0 if part.bends else settings.halved * less.error
-            if part.stands_in and f.error > max(settings.near_noise, halved):
+            reached = f.error < 1.0 + 2.0 * settings.noise_error  # two standard errors of the noise itself
+            if part.stands_in and not reached and share_left(less.error, f.error) > settings.halved:
+                break
+            if part.bends and f.error > settings.near_noise:
                 break
             by_fold = helped(f, less)
             alone = by_fold.sum() < 2 and np.all(f.errors[by_fold] > settings.near_noise)

@@ -251,6 +251,6 @@ def _watched(trial: Ground, motions: Sequence[Array], by_start: Array) -> tuple[
     row, channel = int(readout.rows()[at]), int(readout.columns()[at])
     column, kind, axis = channel // CHANNELS, channel % CHANNELS // 3, channel % 3
     measured = (run.positions, np.zeros_like(run.positions), run.angular_velocities)[kind][row, column, axis]
-    expected: Array = measured + readout.sigma[channel] * np.array([m[at] for m in motions])
+    expected: Array = measured + readout.sigma[row, channel] * np.array([m[at] for m in motions])
     time = run.times[row] - run.times[0] + run.lead
     return f"{KINDS[kind]}.{'xyz'[axis]} of {run.names[column]} at {time:.3g} s", expected

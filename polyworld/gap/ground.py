@@ -15,7 +15,7 @@ from polyworld.estimation.least_squares import Problem
 from polyworld.estimation.machines import Machines
 from polyworld.estimation.noise import RunNoise, run_noise
 from polyworld.estimation.problem import Block
-from polyworld.estimation.readout import ObservedMotion, RunReadout, owner
+from polyworld.estimation.readout import ObservedMotion, RunReadout, arcs, owner
 from polyworld.estimation.states import state_coordinates
 from polyworld.estimation.unknown import StateMap, Unknown, joined
 from polyworld.gap.hypothesis import Hypothesis
@@ -115,7 +115,7 @@ class Ground:
 
 def ground_of(world: World, recording: Recording, settings: GapSettings) -> Ground:
     """Lay a recording out for a world, its noise measured, at the coarsest substep that moves it alike."""
-    noise = run_noise(recording.runs)
+    noise = run_noise([_along_arcs(world, run) for run in recording.runs])
     recording = Recording(tuple(_thinned(r, settings.samples) for r in recording.runs))
     ground = Ground(world, recording, settings, noise)
     reference = _start_residuals(ground)
@@ -144,6 +144,15 @@ def _known_at_first(states: StateMap, run: Run, noise: RunNoise) -> tuple[StateM
             prior[states.labels.index(label)] = spins[0, column, axis], noise.spin[column, axis]
             spins[0, column, axis] = np.nan
     return replace(states, prior=prior), replace(run, angular_velocities=spins)
+
+
+def _along_arcs(world: World, run: Run) -> Run:
+    """Return the run with arcs as the positions of what was measured as an angle, whose noise is the same everywhere
+    along them."""
+    positions = run.positions.copy()
+    for column, (arc, _) in arcs(world, run).items():
+        positions[:, column] = arc[:, None]
+    return replace(run, positions=positions)
 
 
 def _thinned(run: Run, most: int) -> Run:

@@ -181,7 +181,12 @@ def compared(fitted: Fitted) -> tuple[Compared, ...]:
             first = CHANNELS * column
             residual, turn, spin = (grid[:, first + 3 * k : first + 3 * k + 3] for k in range(3))
             observed = run.positions[:, column]
-            simulated = observed + residual * readout.sigma[first : first + 3]
+            apart = residual * readout.sigma[:, first : first + 3]
+            if column in readout.tangents:  # along the arc, from the one coordinate that was compared
+                tangent = readout.tangents[column]
+                along = np.nansum(apart * tangent, axis=1) / np.nansum(np.isfinite(apart) * tangent**2, axis=1)
+                apart = along[:, None] * tangent
+            simulated = observed + apart
             turning = {k: v for k, v in (("rotation", turn), ("spin", spin)) if np.isfinite(v).any()}
             times = run.times - run.times[0] + run.lead
             found.append(Compared(run.name, name, times, observed, simulated, residual, turning))

@@ -137,7 +137,7 @@ def better_term(search: Search, best: Fitted) -> Fitted | None:
     searched by `nats`, None where none does.
 
     A law of the catalogue near the one that is at work takes most of its effect; what shows that it is another law is
-    that an expression no catalogue holds predicts better.
+    that an expression no catalogue holds predicts better. All are fitted to the end before they are compared.
     """
     ground = search.ground
     key = frozenset((p.candidate.name, p.variant.label) for p in best.hypothesis.parts if not _is_force(p.candidate))
@@ -145,15 +145,19 @@ def better_term(search: Search, best: Fitted) -> Fitted | None:
     if parent is None or ground.world.deformables:
         return None
     terms = [t.candidate() for t in library(ground.world, ground.recording)]
+    starts = sorted(proposals(parent, terms, 1, search.share), key=lambda s: -s.gain)[: ground.settings.branches]
+    if not starts:
+        return None
     found = []
-    for start in sorted(proposals(parent, terms, 1, search.share), key=lambda s: -s.gain)[: ground.settings.branches]:
-        one = fit(ground, start.hypothesis, start.point, iterations=ITERATIONS, scale=parent.scale)
+    for hypothesis, point, scale in [(best.hypothesis, best.point, best.scale),
+                                     *((s.hypothesis, s.point, parent.scale) for s in starts)]:  # fmt: skip
+        one = fit(ground, hypothesis, point, iterations=ITERATIONS, scale=scale)
         predict_left_out(one, search.folds)
         rate(one, search.share * search.counts)
         found.append(one)
-    first = min(found, key=lambda f: f.total, default=None)
-    nearest = search.pool[0].total - ground.settings.nats
-    return first if first is not None and first.total < nearest and _worth(first, best) else None
+    named, first = found[0], min(found[1:], key=lambda f: f.total)
+    nearest = min(search.pool[0].total, named.total) - ground.settings.nats
+    return first if first.total < nearest and _worth(first, named) else None
 
 
 def _worth(fitted: Fitted, other: Fitted) -> bool:

@@ -177,14 +177,16 @@ def left_in_units(fitted: Fitted) -> tuple[float, float, str]:
     their unit: of positions, or of the angles that they all stand for, else of turns or spins."""
     readouts = fitted.ground.readouts
     kind = next(k for k in range(3) if any((g.columns() % CHANNELS // 3 == k).any() for g in readouts))
-    angles = kind == 0 and all(np.isfinite(g.run.arms).all() for g in readouts)
+    angles = kind == 0 and all(len(g.tangents) == len(g.run.names) for g in readouts)
     total = noise = count = paid = 0.0
     for one, states, readout in zip(fitted.slopes, fitted.of_states(), readouts, strict=True):
         columns = readout.columns()
         own = columns % CHANNELS // 3 == kind
-        sigma = readout.sigma[columns[own]]
-        if angles:  # an angle moves two coordinates
-            sigma = np.sqrt(2.0) * sigma / np.array(readout.run.arms)[columns[own] // CHANNELS]
+        sigma = readout.sigma[readout.measured][own]
+        if angles:
+            tangents = np.stack(list(readout.tangents.values()), axis=1)
+            arc = np.abs(tangents[readout.rows()[own], columns[own] // CHANNELS, columns[own] % CHANNELS])
+            sigma = sigma / arc / np.array(readout.run.arms)[columns[own] // CHANNELS]
         total += float(((one.residuals[own] * sigma) ** 2).sum())
         noise += float((sigma**2).sum())
         count += float(own.sum())

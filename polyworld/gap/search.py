@@ -140,19 +140,11 @@ class Search:
 
     def _finished(self, briefs: Sequence[Fitted]) -> list[Fitted]:
         settings = self.ground.settings
-        by: dict[frozenset[tuple[str, str]], Fitted] = {}
-        for one in briefs:
-            key = one.hypothesis.key
-            if key not in by or one.objective < by[key].objective:
-                by[key] = one
-        order = sorted(by.values(), key=lambda f: f.objective)
-        if order:  # what gains little beside the best of its kind cannot be the one law that is missing
-            most = self.null.objective - min(order[0].objective, self.null.objective)
-            order = [
-                f
-                for f in order
-                if self.null.objective - f.objective >= settings.worth * most or _expected(f.hypothesis)
-            ]
+        order = sorted(briefs, key=lambda f: f.objective)
+        # What gains little beside the best of its kind cannot be the one law that is missing.
+        gains = [max(self.null.objective - f.objective, 0.0) for f in order]
+        least = settings.worth * max(gains, default=0.0)
+        order = [f for f, g in zip(order, gains, strict=True) if g >= least or _expected(f.hypothesis)]
         order = [*order[: settings.tried], *(f for f in order[settings.tried :] if _expected(f.hypothesis))]
         found = []
         for first in order:

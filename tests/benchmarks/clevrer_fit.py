@@ -2,7 +2,8 @@
 
     python -m tests.benchmarks.clevrer_fit
 
-fits the annotations themselves by least squares: all frames, and without the last quarter.
+fits the annotations themselves by least squares: all frames, and without the last quarter; each scene alone, and all
+as one study of one laboratory, whose constants are those of its materials.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.accuracy import accuracy
 from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.fitted import Method, StudyFit
+from polyworld.estimation.study import Study, StudyRun
 from polyworld.solver.rollout import simulator
 from polyworld.world import World
 from tests.polyworld.synthetic import of_one
@@ -123,6 +125,13 @@ def main() -> None:
     whole = float(np.median([r.rmse for r in fits if r.fitted == "all"]))
     held = float(np.nanmedian([r.held_out for r in fits]))
     print(f"medians: all frames {whole:.4f} m, held out {held:.4f} m")
+    scenes = [read_scene(folder, number) for number in available_scenes(folder)]
+    study = Study(tuple(StudyRun(s.number, default_world(s.tracks, s.kinds), s.tracks) for s in scenes))
+    for cut in (None, min(int(0.75 * len(s.tracks.frames)) for s in scenes)):
+        found = fit(study, FitOptions(share=0.0, holdout=cut))
+        errors = [judge(run.world, s.tracks, cut) for run, s in zip(found.runs, scenes, strict=True)]
+        print(f"one study, frames before {cut}:", *(f"{a:.4f} {b:.4f} m;" for a, b in errors))
+        print("medians: fitted {:.4f} m, held out {:.4f} m".format(*np.median(errors, axis=0)))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Other numbers than the world's: gravity, masses, lengths, stiffness, coefficients of contacts.
+"""Other numbers than the world's: gravity, masses, lengths, stiffness, coefficients of contacts, of deformables.
 
 A period that is off by a factor is a wrong length or stiffness before it is anything else. A pendulum's length acts
 through gravity over length alone where its angle was recorded, so that it is varied as such.
@@ -6,8 +6,8 @@ through gravity over length alone where its angle was recorded, so that it is va
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from polyworld.estimation.linkage import is_held
 from polyworld.gap.candidate import Candidate, Variant, by_value, of_path, one_start
 from polyworld.gap.conditions import conditions
 from polyworld.world import World
+from polyworld.world.materials import Form, material_of
 from polyworld.world.parameters import object_mass, read_parameter
 from polyworld.world.representations.joint import Hinge, Spring
 from polyworld.world.representations.rigid import RigidObject
@@ -55,10 +56,10 @@ def _mass(world: World, recording: Recording) -> tuple[Variant, ...]:
     pairs = [*found.meetings, *((j.object, j.other) for j in world.joints if j.other is not None)]
     linked = [o for o in world.objects if any(o.name in pair for pair in pairs)]
     # Only ratios of masses show; where there are two, the second's stands for theirs.
-    return tuple(_of(world, o) for o in (linked[1:] if len(linked) <= 2 else linked))
+    return tuple(_mass_of(world, o) for o in (linked[1:] if len(linked) <= 2 else linked))
 
 
-def _of(world: World, item: RigidObject) -> Variant:
+def _mass_of(world: World, item: RigidObject) -> Variant:
     mass = object_mass(item)
     path = f"objects.{item.name}.mass"
     unknown = of_path(world, (path,), "mass", mass, 0.3 * mass, lower=mass / RATIO, upper=mass * RATIO)
@@ -177,6 +178,70 @@ def _rolling(world: World, recording: Recording) -> tuple[Variant, ...]:
     return (one_start(world, unknowns),) if len(unknowns) <= MOST_GROUPS else ()
 
 
+ROPES: frozenset[Form] = frozenset({"line"})
+CLOTH: frozenset[Form] = frozenset({"sheet"})
+SOFT: frozenset[Form] = frozenset({"solid"})
+FLUIDS: frozenset[Form] = frozenset({"liquid"})
+FACTOR = 100.0  # by which a value may be wrong either way
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of materials of some forms. floor: an ordinary change where the value is zero."""
+
+    field: str
+    forms: frozenset[Form]
+    floor: float
+    label: str = ""
+
+
+def _variants(world: World, fields: Sequence[Field]) -> tuple[Variant, ...]:
+    """Return a variant for each field; objects of equal value share one unknown."""
+    owners = [[d.name for d in world.deformables if material_of(d).form in f.forms] for f in fields]
+    several = sum(map(bool, owners)) > 1
+    made: list[Variant] = []
+    for field, names in zip(fields, owners, strict=True):
+        unknowns = by_value(world, [f"objects.{n}.{field.field}" for n in names], field.field, _sized(field.floor))
+        if unknowns:
+            made.append(one_start(world, unknowns, field.label if several else ""))
+    return tuple(made)
+
+
+def _sized(floor: float) -> Callable[[float], Mapping[str, float]]:
+    def sized(value: float) -> Mapping[str, float]:
+        typical, most = (0.3 * value, FACTOR * value) if value > 0.0 else (floor, FACTOR * floor)
+        return {"typical": typical, "lower": value / FACTOR, "upper": most}
+
+    return sized
+
+
+def _of_fields(*fields: Field) -> Callable[[World, Recording], tuple[Variant, ...]]:
+    return lambda world, _: _variants(world, fields)
+
+
+def _bending(world: World, recording: Recording) -> tuple[Variant, ...]:
+    """Return where nothing bends stiffly yet: what bends a rope's own weight back over a tenth of its length."""
+    del recording
+    weights = [0.0]
+    g = float(np.linalg.norm(world.environment.gravity)) or 9.81
+    for rope in world.of_form("line"):
+        length = float(np.linalg.norm(np.diff(np.asarray(rope.points), axis=0), axis=1).sum())
+        weights.append(float(rope.linear_density) * g * (0.1 * length) ** 3)
+    return _variants(
+        world,
+        (
+            Field("bending_stiffness", ROPES, max(weights) or 1e-4, "of ropes"),
+            Field("bending_stiffness", CLOTH, 1e-5, "of cloth"),
+        ),
+    )
+
+
+def _source(world: World, recording: Recording) -> tuple[Variant, ...]:
+    del recording
+    unknowns = by_value(world, [f"emitters.{e.name}.rate" for e in world.emitters], "rate", _sized(1e-5))
+    return (one_start(world, unknowns),) if unknowns else ()
+
+
 CANDIDATES = (
     Candidate("gravity_error", "base", "a = g', another gravity than the world's", _gravity, plain=True),
     Candidate("mass_error", "base", "m' of one body, where masses share momentum", _mass),
@@ -195,4 +260,44 @@ CANDIDATES = (
     ),
     Candidate("friction_error", "base", "|F_t| <= mu' F_n, another mu' than the world's", _friction, plain=True),
     Candidate("rolling_resistance", "base", "M = b F_n against rolling", _rolling, plain=True),
+    Candidate(
+        "material_damping",
+        "material",
+        "stress = C (strain + tau strain rate)",
+        _of_fields(
+            Field("stretch_damping", ROPES | CLOTH, 0.01, "of stretching"),
+            Field("bending_damping", ROPES | CLOTH, 0.01, "of bending"),
+            Field("damping", SOFT, 0.01, "of soft bodies"),
+        ),
+    ),
+    Candidate(
+        "air_drag",
+        "material",
+        "dv/dt = -c v of ropes and soft bodies; rho C_n v_n^2 / 2 per area of cloth",
+        _of_fields(
+            Field("linear_damping", ROPES, 0.1, "of ropes"),
+            Field("linear_damping", SOFT, 0.1, "of soft bodies"),
+            Field("drag_normal", CLOTH, 1.0, "across the sheet"),
+            Field("drag_tangential", CLOTH, 0.05, "along the sheet"),
+        ),
+    ),
+    Candidate("bending_stiffness", "material", "moment = EI curvature; D curvature per width of a sheet", _bending),
+    Candidate(
+        "stretch_stiffness",
+        "material",
+        "tension = EA strain; stress = E strain",
+        _of_fields(
+            Field("stretch_stiffness", ROPES, 1e3, "of ropes"),
+            Field("stretch_stiffness", CLOTH, 100.0, "of cloth"),
+            Field("youngs_modulus", SOFT, 1e4, "of soft bodies"),
+        ),
+    ),
+    Candidate("viscosity", "material", "stress = mu (grad v + grad v^T)", _of_fields(Field("viscosity", FLUIDS, 1e-3))),
+    Candidate(
+        "surface_tension",
+        "material",
+        "pressure jump = sigma curvature",
+        _of_fields(Field("surface_tension", FLUIDS, 0.02)),
+    ),
+    Candidate("source_rate", "material", "volume per time of emitters", _source),
 )

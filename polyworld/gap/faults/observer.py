@@ -72,7 +72,14 @@ def _unit(world: World, field: str, alike: tuple[str, ...]) -> tuple[Variant, ..
     return (one_start(child, (factor,), same_as=alike if is_bare(world) else ()),)
 
 
+def of_angles(recording: Recording) -> bool:
+    """Return whether all places stand for angles, which have neither scale nor lens."""
+    return all(np.isfinite(run.arms).all() for run in recording.runs)
+
+
 def _scale(world: World, recording: Recording) -> tuple[Variant, ...]:
+    if of_angles(recording):
+        return ()
     about_origin = _unit(world, "scale", ("gravity_error", "observer_clock", "buoyancy"))
     if is_bare(world):
         return about_origin  # free initial states take up where the centre is
@@ -188,7 +195,7 @@ def _distortion(world: World, recording: Recording) -> tuple[Variant, ...]:
     axes, middle, extent = region(recording)
     view = _sight(world, axes)
     across = [a for a in axes if view is None or abs(view[a]) < 1.0 - 1e-9]
-    if not across:
+    if not across or of_angles(recording):
         return ()
     origin = np.zeros(3) if world.observer is None else np.asarray(world.observer.centre)
     centres = [("about the origin", origin)]
@@ -208,7 +215,7 @@ def _distortion(world: World, recording: Recording) -> tuple[Variant, ...]:
 def _keystone(world: World, recording: Recording) -> tuple[Variant, ...]:
     axes, middle, extent = region(recording)
     view = _sight(world, axes)
-    if (view is None and len(axes) == 3) or not extent > 0.0:
+    if (view is None and len(axes) == 3) or not extent > 0.0 or of_angles(recording):
         return ()  # what measures depth too has not one plane of motion
     across, reach = [a for a in axes if view is None or abs(view[a]) < 1.0 - 1e-9], 0.5 * extent
     # Whoever takes the scale from lengths in the picture has it right about the middle.

@@ -26,9 +26,14 @@ EFFECTS = {
     "b_spin": "spin_coupling", "OOC_cubic_drag": None, "OOC_decay": None, "OOC_aniso_drag": None,
 }  # fmt: skip
 ALIKE = {"friction_error": "bounce_friction"}  # of bounces at one angle, in a world without friction
-MORE = {"wind": Names(("wind", "quadratic_drag"))}  # also right: wind brings its drag
-# Coulomb friction of bounces that spin does not act on is none of the catalogue's two, and nearly either.
-NEARLY = {"b_fric"}
+# Also right: wind brings its drag; the law there keeps e at 3 m/s, that of the catalogue at rest.
+MORE = {
+    "wind": Names(("wind", "quadratic_drag")),
+    "restitution_speed": Names(("restitution_speed", "restitution_error")),
+}
+# Coulomb friction of bounces that spin does not act on is none of the catalogue's two, and nearly either; neither is a
+# kick by spin alone, whatever the speed along the floor, the grip of a superball.
+NEARLY = {"b_fric", "b_spin"}
 
 
 def listed() -> list[str]:

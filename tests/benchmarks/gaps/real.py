@@ -133,7 +133,11 @@ SETS: Mapping[str, tuple[Callable[[], Measured], tuple[str, ...]]] = {
     "air": (partial(table_of, "air_track/oscillator"), (LINEAR, f"{LINEAR}+stiffness_error")),  # 1.24 N/m is rounded
     "phone": (partial(_phone, "phone_fall/ten_falls"), (DRAG,)),
     "pendulum": (swings, (LINEAR, DRAG)),  # the authors: viscous, 0.055 1/s; windows of 1.2 s hardly tell
-    "lipson": (partial(table_of, "pendulum/schmidt_lipson"), (f"length_error+{LINEAR}", f"length_error+{DRAG}")),
+    # The zero of its angle is not known, and a wrong one looks like a tilt.
+    "lipson": (
+        partial(table_of, "pendulum/schmidt_lipson"),
+        (f"length_error+{LINEAR}", f"length_error+{DRAG}", f"length_error+{LINEAR}+tilt", f"length_error+{DRAG}+tilt"),
+    ),
     "cube": (flights, ()),  # flights bend sideways by 0.14 m/s^2, each its own way
     "cube_heights": (flown_heights, ("gravity_error", "observer_scale", "observer_clock")),  # 9.61 m/s^2
     "clevrer": (slides, (LINEAR, DRAG, f"{LINEAR}+{DRAG}")),  # dv/dt = -0.04 v - 0.04 |v| v beside Coulomb friction

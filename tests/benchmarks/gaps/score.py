@@ -26,8 +26,9 @@ def outcome(case: Case, kind: str, answers: Sequence[Names], equivalent: Sequenc
 
     right: the truth's class of effects named alone; "nothing missing" of nothing; "unexplained" of a law outside the
     catalogue. wrong: one class, and not the truth's, though it be a part of it. honest: the truth among several answers
-    or equivalents, no name at all, or nothing missing where the effect does not stand out of the noise. missed: nothing
-    missing where it does. uncovered: several answers and none the truth, or an alarm about nothing.
+    or equivalents, no name at all, nothing missing where the effect does not stand out of the noise, or a part of a
+    truth of which the weakest effect does not. missed: nothing missing where it does. uncovered: several answers and
+    none the truth, or an alarm about nothing.
     """
     nothing = case.truths == NOTHING
     if kind == "nothing_missing":
@@ -39,7 +40,8 @@ def outcome(case: Case, kind: str, answers: Sequence[Names], equivalent: Sequenc
     if len(found) == 1 and covered:
         return "right"
     if len(found) == 1 or kind in NAMED:
-        return "honest" if any(case.answer(e) in case.answers for e in equivalent) else "wrong"
+        part = not case.detectable and any(f and f < a for f in found for a in case.answers)
+        return "honest" if part or any(case.answer(e) in case.answers for e in equivalent) else "wrong"
     return "honest" if covered else "uncovered"
 
 

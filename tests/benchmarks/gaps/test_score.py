@@ -48,6 +48,9 @@ def test_half_of_a_pair_is_wrong_with_a_remainder_too() -> None:
     assert scored("identified", pair, ("tilt",)) == "wrong"
     assert scored("identified_with_remainder", pair, ("tilt",)) == "wrong"
     assert scored("identified_with_remainder", pair, ("tilt", "fan")) == "right"
+    faint = case(("tilt", "fan"), noncentrality=0.5 * NEEDED)
+    assert scored("identified", faint, ("tilt",)) == "honest"
+    assert scored("identified", faint, ("spring",)) == "wrong"
 
 
 def test_truth_among_several_answers_is_honest_and_none_of_them_uncovered() -> None:

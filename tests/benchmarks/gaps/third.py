@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -69,7 +70,8 @@ def _run(s: Stated, rows: Array) -> Run:
         places = s["length"] * np.stack(place, axis=1)
     else:
         places[:, 1:] = np.nan
-    return one_body(f"r{int(rows[0, 0])}", rows[:, 1], places, spins)
+    run = one_body(f"r{int(rows[0, 0])}", rows[:, 1], places, spins)
+    return replace(run, arms=(s["length"],)) if s["kind"] == "pendulum" else run
 
 
 def _ball_world(s: Stated) -> World:

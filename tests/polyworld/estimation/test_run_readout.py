@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from polyworld.data.hinge_angles import HingedBody
 from polyworld.data.recording import Run
 from polyworld.estimation.noise import RunNoise
 from polyworld.estimation.readout import CHANNELS, ObservedMotion, RunReadout
 from polyworld.solver.rollout import simulator
 from polyworld.world import Environment, MotionPlane, World
 from polyworld.world.geometry import plane_axes
+from polyworld.world.representations.joint import Hinge
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Sphere
 
@@ -91,3 +93,23 @@ def test_spins_are_compared_as_an_observer_with_a_tilt_and_a_fast_clock_reports_
     found = RunReadout(world, run, unit(1)).residuals(observed, 31)
     assert found.shape == (1, 92)
     np.testing.assert_allclose(found, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("swing", [0.4, 1.3])
+def test_an_angle_counts_once_and_as_accurate_everywhere(swing: float) -> None:
+    """Angles of a pendulum with noise of 3 mrad, against those of the rollout: residuals are their differences."""
+    shape, anchor, arm = Sphere(radius=0.01), np.array([0.1, 0.0, 0.5]), 0.7
+    bob = RigidObject(name="bob", shape=shape, mass=1.0, position=tuple(anchor - np.array([0.0, 0.0, arm])))
+    pivot = Hinge(name="pivot", object="bob", anchor=tuple(anchor), axis=(0.0, 1.0, 0.0))
+    world = World(objects=(bob,), joints=(pivot,))
+    errors = np.random.default_rng(3).normal(0.0, 0.003, len(TIMES))
+    angles = swing * np.cos(3.0 * TIMES)
+    places, turns = HingedBody.of(world, "bob").measured(angles + errors)
+    run = Run("r", ("bob",), TIMES, places[:, None], turns[:, None], arms=(arm,))
+    noise = RunNoise(np.full((1, 3), 0.003 * arm), np.ones((1, 3)), np.ones((1, 3)))
+    readout = RunReadout(world, run, noise)
+    moved = simulator(world, TIMES).run()
+    moved.positions[0, :, 0] = HingedBody.of(world, "bob").positions(angles)
+    (found,) = readout.residuals(moved, len(TIMES))
+    assert readout.size == len(TIMES)
+    np.testing.assert_allclose(np.abs(found), np.abs(errors) / 0.003, atol=0.02)

@@ -12,7 +12,7 @@ from scipy.stats import norm
 from polyworld.data.recording import Recording, Run
 from polyworld.gap import GapSettings
 from polyworld.gap.catalogue import named
-from polyworld.gap.choose import choose, resampled, score, winners
+from polyworld.gap.choose import choose, credible, resampled, score, winners
 from polyworld.gap.fitting import Fitted, correlation_evidence, fit
 from polyworld.gap.ground import ground_of
 from polyworld.gap.hypothesis import Hypothesis, extended
@@ -98,3 +98,21 @@ def test_intervals_are_those_of_ordinary_least_squares() -> None:
     error = sigma * np.sqrt(np.linalg.inv(slopes.T @ slopes)[2, 2] / 3.0)
     assert 0.5 * (low + high) == pytest.approx(np.mean(pull), abs=0.2 * error)
     assert 0.5 * (high - low) == pytest.approx(norm.ppf(0.975) * error * fitted.scale, rel=0.1)
+
+
+@pytest.mark.parametrize(("error", "trusted"), [(1.01, True), (1.1, False), (1.05, False)])
+def test_what_bends_has_to_reach_the_noise_or_to_halve_what_is_beyond_it(error: float, trusted: bool) -> None:
+    """A law with a place beside one that leaves 14% more than the noise: 1.1 leaves five sixths of what was beyond."""
+
+    def made(key: frozenset[tuple[str, str]], error: float, *parts: object) -> Fitted:
+        kind = SimpleNamespace(possible=lambda *_: True, key=key, parts=parts)
+        own = {"hypothesis": kind, "error": error, "errors": np.full(6, error), "values": np.zeros(0)}
+        return cast(Fitted, SimpleNamespace(**own, ground=SimpleNamespace(settings=SETTINGS, counts=COUNTS)))
+
+    attraction = SimpleNamespace(
+        candidate=SimpleNamespace(name="central_force", local=False), variant=SimpleNamespace(label=""),
+        bends=False, stands_in=True,
+    )  # fmt: skip
+    null = made(frozenset(), 1.14)
+    pulled = made(frozenset({("central_force", "")}), error, attraction)
+    assert any(f is pulled for f in credible([null, pulled], null)) == trusted

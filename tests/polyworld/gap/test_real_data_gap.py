@@ -75,7 +75,7 @@ def test_annotated_objects_slow_down_in_proportion_to_speed_and_to_its_square_be
     # Found before by fits of the decelerations themselves.
     assert both.values == pytest.approx([0.0297, 0.040, 0.040], abs=0.004)
     residual = np.concatenate(
-        [x.residuals * g.sigma[g.columns()] for x, g in zip(both.slopes, both.ground.readouts, strict=True)]
+        [x.residuals * g.sigma[g.measured] for x, g in zip(both.slopes, both.ground.readouts, strict=True)]
     )
     assert np.sqrt(np.mean(residual**2)) < 1e-4  # the rounding of the annotations
 
