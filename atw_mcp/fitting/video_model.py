@@ -49,7 +49,7 @@ class VideoRequest:
     fit: dict[str, Any]
     looked_for: list[dict[str, Any]] | None = None
     plane: MotionPlane | None = None
-    floor: float = 0.0
+    floor: float | None = None
     kept: str = ""
 
 
@@ -158,7 +158,7 @@ def _match(
 def _matching(app: App, case: Case, request: VideoRequest, seen: ImageObservation, progress: Progress) -> Matching:
     """Assign the tracks of an observation to known objects; raises StepFailed where the camera does not allow it."""
     try:
-        how = derivation(app, case, {}, request.plane, request.floor)
+        how = derivation(app, case, {}, request.plane, request.floor or 0.0)
         if how is None:
             raise StepFailed(MATCHING, "the case's latest tracks were imported: BuildWorld and FitWorld model those")
         camera = Camera.model_validate(app.store.observations.get(how.camera).document["camera"])
@@ -190,7 +190,7 @@ def _was_looked_for(app: App, case: Case) -> bool:
 def _look_for(app: App, case: Case, request: VideoRequest, steps: Steps, model: VideoModel) -> ImageObservation | None:
     """Look for known objects; what is found if it is no less than was matched, else None and a doubt."""
     before = latest_image_observation(app, case)
-    scene: dict[str, Any] = {"floor": request.floor} if request.floor else {}
+    scene: dict[str, Any] = {} if request.floor is None else {"floor": request.floor}
     if request.plane is not None:
         scene["motion_plane"] = request.plane.model_dump(include={"point", "normal", "supports"})
     scene |= {"obstacles": request.build["obstacles"]} if request.build.get("obstacles") else {}

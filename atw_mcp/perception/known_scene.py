@@ -31,7 +31,8 @@ _SIZED: TypeAdapter[Sized] = TypeAdapter(Sized)
 class KnownScene:
     """Camera, plane of motion, solids by name, and corners (n, 3) [m] of convex solids that may hide them.
 
-    off_plane: names of solids that are not on the plane, and are followed in the image.
+    off_plane: names of solids that are not on the plane, and are followed in the image. floor: z [m] of a level floor
+    that ends an upright plane below, None where none is known.
     """
 
     camera: Camera
@@ -39,6 +40,7 @@ class KnownScene:
     solids: Mapping[str, Sized] = field(default_factory=dict)
     fixtures: tuple[Corners, ...] = ()
     off_plane: frozenset[str] = frozenset()
+    floor: float | None = None
 
     def body(self, name: str) -> Solid:
         """Return a solid as a body with a silhouette."""
@@ -51,7 +53,7 @@ class KnownScene:
         if isinstance(solid, Sphere) and self.plane.supports and plane_axes(self.plane)[2, 2] > LEVEL:
             corners = {str(k): np.array(c) for k, c in enumerate(self.fixtures)}
             faces = tuple(surfaces_of(self.plane.point[2], corners)[1:])
-        return Solid(name, solid.kind, half, self.camera, self.plane, faces=faces)
+        return Solid(name, solid.kind, half, self.camera, self.plane, faces=faces, floor=self.floor)
 
     def renamed(self, old: str, new: str) -> KnownScene:
         """Return the scene with another name of a solid."""
@@ -74,6 +76,7 @@ class KnownScene:
             "solids": {name: solid.model_dump(mode="json") for name, solid in self.solids.items()},
             "fixtures": [[list(corner) for corner in corners] for corners in self.fixtures],
             "off_plane": sorted(self.off_plane),
+            "floor": self.floor,
         }
 
     @classmethod
@@ -85,6 +88,7 @@ class KnownScene:
             {name: _SIZED.validate_python(solid) for name, solid in data["solids"].items()},
             tuple(tuple((float(x), float(y), float(z)) for x, y, z in corners) for corners in data["fixtures"]),
             frozenset(data["off_plane"]),
+            data["floor"],
         )
 
 

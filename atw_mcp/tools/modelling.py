@@ -157,7 +157,7 @@ def model_video_tool(
             build={key: value for key, value in building.items() if key not in listed},
             fit=_merged(frames, fit, "fit"),
             plane=None if plane is None else plane.to_plane(),
-            floor=floor if isinstance(floor, float) else 0.0,
+            floor=floor if isinstance(floor, float) else None,
             kept=kept,
         )
     _check_steps(app, found, request)

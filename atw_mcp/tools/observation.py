@@ -122,7 +122,9 @@ def observe_objects(
         list[dict[str, Any]] | None,
         Field(max_length=64, description="as of BuildWorld; known objects may be behind them"),
     ] = None,
-    floor: Annotated[float, Field(description="z of the floor under known objects [m]")] = 0.0,
+    floor: Annotated[
+        float | None, Field(description="z of the floor under known objects [m]; default 0, a side view none")
+    ] = None,
     motion_plane: Annotated[
         PlaneArgument | None,
         Field(description="plane in which known objects move, where it is not the floor or a side view's"),
@@ -210,7 +212,7 @@ class _Scene:
 
     known: list[dict[str, Any]]
     obstacles: list[dict[str, Any]]
-    floor: float
+    floor: float | None
     plane: MotionPlane | None
 
 
@@ -232,7 +234,8 @@ def _known(app: App, case: Case, path: Path, scene: _Scene, stride: int, patienc
     with explained():
         bodies, solids = bodies_of([known_of(app, case, item) for item in items])
         fixtures = corners_of([s for item in obstacles for s in item.to_statics(partial(mesh_of, app, case))])
-        about = KnownScene(camera, scene.plane or motion_plane_of(app, case, scene.floor), solids, fixtures)
+        plane = scene.plane or motion_plane_of(app, case, scene.floor or 0.0)
+        about = KnownScene(camera, plane, solids, fixtures, floor=scene.floor)
 
     def look(progress: Progress) -> ImageObservation:
         return observe_known(

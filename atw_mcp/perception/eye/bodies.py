@@ -67,7 +67,8 @@ class Solid:
     half (3,): half extents along its own axes [m]. On a plane that supports it, as a floor, it stands with its own z
     along the normal, or lies with it along the plane's x at angle 0; height is the rise of its lowest point, unknown
     only with `rises`. In an upright plane that does not, as of a side view, its centre is in the plane and its own z
-    along the plane's y. faces: of fixed solids, on which a sphere over them rolls in place of a level plane.
+    along the plane's y. faces: of fixed solids, on which a sphere over them rolls in place of a level plane. floor: z
+    [m] below which no centre in an upright plane is.
     """
 
     name: str
@@ -78,6 +79,7 @@ class Solid:
     rises: bool = False
     lies: bool = False
     faces: tuple[Surface, ...] = ()
+    floor: float | None = None
 
     @property
     def upright(self) -> bool:
@@ -183,6 +185,10 @@ class Solid:
         nearest = min(places, key=lambda p: float(np.nan_to_num(self.camera.to_camera(p)[2], nan=np.inf)))
         place = nearest - np.asarray(self.plane.point)
         return np.array([place @ axes[0], place @ axes[1], like[2], like[3]])
+
+    def under_floor(self, pose: Floats) -> bool:
+        """Whether the centre is below the floor, as of a shadow that is taken for the body."""
+        return self.upright and self.floor is not None and bool(self.middle(pose)[2] < self.floor)
 
     def local(self, pose: Floats, points: Floats) -> Floats:
         """Places (..., 2) on the body, its silhouette about within -1..1: light and view do not rotate with it."""

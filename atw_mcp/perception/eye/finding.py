@@ -344,7 +344,7 @@ def _overlap(body: Solid, outline: Floats) -> tuple[float, float, float]:
         aim = middle.copy()
         for _ in range(3):
             pose = solid.placed(aim, np.array([0.0, 0.0, angle, 0.0]))
-            if not np.isfinite(pose).all() or solid.depth(pose) <= 0:
+            if not np.isfinite(pose).all() or solid.depth(pose) <= 0 or solid.under_floor(pose):
                 break
             polygon = solid.polygon(pose)
             if not np.isfinite(polygon).all():

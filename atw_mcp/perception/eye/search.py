@@ -49,7 +49,8 @@ class Silhouettes:
     def _block(self, place: Floats, offsets: NDArray[np.floating]) -> tuple[Floats, Floats, Floats] | None:
         """Pairs, places and weights of one silhouette displaced by offsets [px] along each axis, where in view."""
         s, pose = self.settings, self._pose(place)
-        polygon = self.body.polygon(pose) if np.isfinite(pose).all() else np.full((1, 2), np.nan)
+        there = np.isfinite(pose).all() and not self.body.under_floor(pose)
+        polygon = self.body.polygon(pose) if there else np.full((1, 2), np.nan)
         if not np.isfinite(polygon).all() or np.linalg.norm(self.body.centre(pose) - place[:2]) > 1.0:
             return None  # beyond the horizon, or within something fixed that bears it
         if self.hiding is not None and sampled(self.hiding, place[None, :2])[0, 0] < self.body.depth(pose):

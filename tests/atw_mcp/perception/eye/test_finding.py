@@ -12,6 +12,7 @@ from atw_mcp.perception.eye.colour_names import log_look, log_name
 from atw_mcp.perception.eye.finding import find_solids
 from atw_mcp.perception.eye.observe import observe
 from atw_mcp.perception.eye.seeds import Seed
+from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 300.0
@@ -153,6 +154,20 @@ def test_shaded_ball_at_rest_is_followed_from_the_one_frame_in_which_it_has_move
     (track,), _ = observe(frames, [ball], [Seed("ball", "outline", 14, whole[14])])
     true = [ball.centre(np.array([a, 0.3, 0.0, 0.0])) for a in x]
     assert np.linalg.norm(track.centres - true, axis=1).max() < 1.5  # px, of a radius of 17
+
+
+def test_what_moves_under_the_floor_of_a_side_view_is_not_the_ball() -> None:
+    side = MotionPlane(normal=(0.0, -1.0, 0.0), supports=False)
+    free, ball = (Solid("ball", "sphere", BALL, camera(), side, floor=floor) for floor in (None, 0.0))
+    x = np.linspace(-0.6, 0.5, 16)
+    moving = camera().project(np.stack([x, 0 * x - 0.7, 0 * x], axis=1))  # on the floor, in front of the plane
+    still = camera().project(np.tile([0.3, 0.0, BALL[0]], (16, 1)))
+    grey = [[free.polygon(free.placed(p, np.zeros(4))) for p in pixels] for pixels in (moving, still)]
+    frames = film([(grey[0], (140.0, 140.0, 140.0)), (grey[1], (150.0, 170.0, 190.0))])
+    for body, place in ((free, moving), (ball, still)):
+        seed = find_solids(frames, [body], {"ball": "grey"}, {}, EyeSettings())["ball"].seed
+        assert seed.frame is not None
+        assert np.linalg.norm(np.asarray(seed.value, dtype=float).mean(axis=0) - place[seed.frame]) < 4.0
 
 
 def test_one_of_two_like_balls_is_not_chosen_but_both_are_offered() -> None:
