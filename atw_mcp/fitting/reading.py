@@ -46,8 +46,8 @@ def doubts(world: World, document: dict[str, Any]) -> list[str]:
     strained = [_collision(world, i) for i, slack in enumerate(document["slack"], start=1) if slack > SLACK]
     if strained:
         found.append(
-            f"the collision of {'; of '.join(strained)} leaves bodies otherwise than restitution and friction allow: "
-            "its pulses (effects slack_*) carry the rest, and any bounce off something else at that time"
+            f"{'; '.join(strained)}: bodies leave it otherwise than restitution and friction allow, and its pulses "
+            "(effects slack_*) carry the rest, and any bounce off something else at that time"
         )
     on = [
         f"{v['name']} = {v['value']:.3g} ({v['bounds'][0]:.3g} to {v['bounds'][1]:.3g})"
@@ -63,7 +63,7 @@ def _collision(world: World, number: int) -> str:
     """Return who takes part in a collision of a fitted world, and when, by its pulses."""
     pulses = [e for e in world.effects if e.name.startswith(f"{MET}{number}_") and not e.name.endswith("_after")]
     bodies = " and ".join(name for e in pulses for name in e.objects or ())
-    return f"{bodies} at {pulses[0].parameters['time']:.3g} s" if pulses else f"number {number}"
+    return f"collision of {bodies} at {pulses[0].parameters['time']:.3g} s" if pulses else f"collision {number}"
 
 
 def verdict_in_words(document: dict[str, Any]) -> str:

@@ -19,6 +19,7 @@ from atw_mcp.observation.matching import Known, Matching, elevation_of, matched
 from atw_mcp.observation.observing import derivation, latest_camera, latest_image_observation, modelled_tracks
 from atw_mcp.perception.observation import ImageObservation, ObservedObject
 from atw_mcp.perception.tracks import estimate_sizes
+from atw_mcp.worlds.warnings import attachment_warnings
 from evidence_store import Case, StoreError
 from polyworld.world import MotionPlane, World
 from polyworld.world.camera import Camera
@@ -73,7 +74,8 @@ def model_video(app: App, case: Case, request: VideoRequest, progress: Progress)
         other = built.data.get("alternative_representation")
         if other is not None:
             fitted = _better(app, case, request, steps, model, fitted, {**building, "representation": other}, progress)
-        model.doubts += _unplaced(app, case, app.world(case, fitted.evidence.world))
+        world = app.world(case, fitted.evidence.world)
+        model.doubts += [*_unplaced(app, case, world), *attachment_warnings(world)]
     except StepFailed as error:
         return failure_report(case, error, steps, model)
     return fit_report(app, case, fitted, steps, model, request.kept)

@@ -55,7 +55,7 @@ def fit_report(app: App, case: Case, fitted: Step, steps: Steps, model: VideoMod
         "world": world,
         "verdict": verdict,
         "doubts": doubts,
-        "next": _next(case, steps, model, world, verdict, pooled),
+        "next": _next(app, case, steps, model, world, verdict, pooled),
         "kept": kept or None,
         **_matching(model),
         "errors": [error.to_dict() for error in model.errors],
@@ -108,7 +108,7 @@ def _kind(app: App, case: Case, world: str | None) -> str:
     return "planar" if app.world(case, world).planar else "spatial"
 
 
-def _next(case: Case, steps: Steps, model: VideoModel, world: str | None, verdict: str, pooled: str) -> str:
+def _next(app: App, case: Case, steps: Steps, model: VideoModel, world: str | None, verdict: str, pooled: str) -> str:
     """Return the call that helps most: to find what was not found, to see what is off, or to go on."""
     unseen = () if model.matching is None else model.matching.unseen
     again = f"ModelVideo(case={case.id!r}, ...) again"
@@ -118,7 +118,9 @@ def _next(case: Case, steps: Steps, model: VideoModel, world: str | None, verdic
     look = f"InspectRollout(case={case.id!r}, world={world!r})"
     if verdict == "poor":
         return f"{look} to look; {_correction(case, steps, 'FitWorld')}"
-    both = "" if model.other is None or model.other[1] > CLOSE else f" of both: worlds=[{world!r}, {model.other[0]!r}]"
+    both = ""
+    if model.other and model.other[1] <= CLOSE and _kind(app, case, world) == "planar":  # a plane is left for a reason
+        both = f" of both: worlds=[{world!r}, {model.other[0]!r}]"
     return f"{look} to look, then {pooled}CommitWorld(case={case.id!r}, world={world!r}) and Ask{both}"
 
 

@@ -22,7 +22,8 @@ from polyworld.world.shapes import Box, Cylinder, Sphere
 Floats = NDArray[np.float64]
 Sized = Sphere | Box | Cylinder
 Corners = tuple[tuple[float, float, float], ...]
-OFF_PLANE = "is larger or smaller than on its plane of motion"  # of a body, as notes say it
+# of a body, as notes say it
+OFF_PLANE = "is larger or smaller than on its plane of motion (the floor, where no other was given)"
 LEVEL = 1.0 - 1e-6  # least upward part of the normal of a level plane
 _SIZED: TypeAdapter[Sized] = TypeAdapter(Sized)
 

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 SHOWN_RELATIONS = 2  # in words: the strongest
 FINEST = 4  # decimal places shown
 APART = 0.5  # difference of probabilities from which candidate worlds are said to disagree
+ROUNDED = 0.05  # of the widest interval of a place: axes that are known exactly are so to rounding
 SETTLED = 1e-4  # [m] fall between two samples up to which a body rests on something
 LIGHT = 0.1  # weight below which a candidate world is outside every 80% interval, whatever it answers
 LEVELS = {"80%": (10.0, 90.0), "95%": (2.5, 97.5)}
@@ -210,7 +211,8 @@ def disagree(answers: Sequence[dict[str, Any]], shares: Sequence[float]) -> bool
     spreads = [a.get("place") or ({"": a["value"]} if "value" in a else {}) for a in answers]
     for axis in {axis for spread in spreads for axis in spread}:
         ends = [spread[axis]["80%"] for spread in spreads if axis in spread]
-        if max(low for low, _ in ends) > min(high for _, high in ends):
+        widest = max(high - low for spread in spreads for low, high in (own["80%"] for own in spread.values()))
+        if max(low for low, _ in ends) - min(high for _, high in ends) > ROUNDED * widest:
             return True
     return False
 

@@ -14,7 +14,7 @@ from atw_mcp.calls.limits import DEFAULT, Limits
 from atw_mcp.worlds.parts import Parts, read_part
 from atw_mcp.worlds.representation_choice import Chosen, Representation, choose, with_axes_across
 from atw_mcp.worlds.sizes import check_sizes
-from atw_mcp.worlds.warnings import fluid_warnings, without_covering_walls
+from atw_mcp.worlds.warnings import attachment_warnings, fluid_warnings, without_covering_walls
 from polyworld.data.initial_states import initial_states, with_initial_states
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.support import with_supports
@@ -198,7 +198,7 @@ def build_world(
         representation=kind,
         why=why,
         alternative=alternative,
-        assumed=(*notes, *_assumed([*names, *described], given, scene, kind)),
+        assumed=(*attachment_warnings(world), *notes, *_assumed([*names, *described], given, scene, kind)),
         left_out=left_out,
     )
 

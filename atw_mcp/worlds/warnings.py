@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from atw_mcp.worlds.marks import held_nodes
 from polyworld.model import mesh_of
 from polyworld.solver.fluid.clearance import clearance
 from polyworld.solver.fluid.seeding import carvings
-from polyworld.world import MotionPlane, StaticObject, World
+from polyworld.world import MotionPlane, StaticObject, World, geometry
 from polyworld.world.geometry import quaternion_matrix, wall_box
 from polyworld.world.shapes import Box, Wall
 
@@ -70,6 +71,24 @@ def fluid_warnings(world: World) -> tuple[str, ...]:
             f"nothing solid is under {', '.join(loose)} in fluid_grid, whose sides hold fluid but no bodies: "
             "add obstacles, e.g. an open_box as the tank, or they may fall out of it"
         )
+    return tuple(notes)
+
+
+def attachment_warnings(world: World) -> tuple[str, ...]:
+    """Return warnings of rigid bodies that begin farther from what they are attached to than their own size."""
+    notes = []
+    for held in world.attachments:
+        if held.to is None or not world.is_rigid(held.to):
+            continue
+        body, nodes = world.object(held.to), mesh_of(world, world.deformable(held.object)).nodes
+        apart = np.linalg.norm(nodes[held_nodes(world, held)] - np.asarray(body.position), axis=1)
+        if len(apart) and apart.max() > 2.0 * geometry.circumscribed_radius(body.shape):
+            x, y, z = body.position
+            notes.append(
+                f"{held.to} begins at ({x:.3g}, {y:.3g}, {z:.3g}) m, {apart.max():.2g} m from where {held.object} is "
+                "attached to it: its track is that of a body on the floor or in motion_plane; give the plane in which "
+                "it hangs (BuildWorld, ModelVideo: motion_plane) or attach another part"
+            )
     return tuple(notes)
 
 

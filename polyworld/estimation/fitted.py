@@ -31,7 +31,7 @@ WEAK = 12.0  # difference of twice the log-evidence beyond which a mode of rolli
 
 @dataclass(frozen=True)
 class FittedConstant:
-    """A constant: its value at the minimum, its standard deviation and the interval that holds 80% of the posterior.
+    """A constant: its value at the minimum, its standard deviation, and an interval of it and 80% of the posterior.
 
     prior: mean and standard deviation, of the natural logarithm where the scale is "log"; None where there is none.
     informed: part of the prior's variance that the data took away; below a half the value is the prior's. draws (N,):
@@ -256,7 +256,8 @@ def fitted_constants(drawn: Drawn) -> tuple[FittedConstant, ...]:
         low, high = np.quantile(values, [0.1, 0.9])
         informed = float(np.clip(1.0 - (spread / prior) ** 2, 0.0, 1.0))
         value = float(np.exp(x)) if u.scale == "log" else x
-        found.append(FittedConstant(u, value, float(values.std()), (float(low), float(high)), informed, values))
+        interval = min(float(low), value), max(float(high), value)  # a minimum may lie in a tail
+        found.append(FittedConstant(u, value, float(values.std()), interval, informed, values))
     return tuple(found)
 
 

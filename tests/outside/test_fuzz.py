@@ -80,6 +80,7 @@ def valid_calls(app: App, folder: Path, call: Call) -> list[tuple[str, dict[str,
         ("CallTool", {"tool": "InspectWorld", "arguments": {"case": "discs"}}),
         ("ReadEvidence", {"evidence": "ev-1", "path": "objects", "limit": 3}),
         ("ReadEvidence", {"case": "discs"}),
+        ("CancelWork", {"evidence": "ev-1"}),
         (
             "UpdateBindings",
             {"case": "discs", "corrections": [{"name": "it", "object": "striker"}], "reason": "it moves"},

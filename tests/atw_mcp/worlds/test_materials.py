@@ -309,6 +309,15 @@ def test_a_body_over_a_closed_grid_without_a_bottom_is_warned_of(session: Sessio
     assert not any(wanted in note for note in held["data"]["assumed"])
 
 
+def test_a_body_far_from_the_rope_that_it_is_attached_to_is_named(session: Session, case: str) -> None:
+    rope = {"part": "rope", "name": "rope", "points": [[0, 0, 1.5], [0, 0, 0.7]], "linear_density": 0.1}
+    knot = {"part": "attachment", "name": "knot", "object": "rope", "end": "end", "to": "bead"}
+    bead = {"name": "bead", "shape": {"kind": "sphere", "radius": 0.03}}
+    for place, warned in (([0, 0, 0.67], False), ([1.2, 1.1, 0.03], True)):
+        built = session("BuildWorld", case=case, objects=[{**bead, "position": place}], parts=[rope, knot])
+        assert any("1.8 m from where rope is attached to it" in n for n in built["data"]["assumed"]) == warned
+
+
 def test_a_motion_plane_that_a_compound_overrules_is_reported(session: Session, case: str) -> None:
     pail = {**BUCKET, "position": [0, 0, 0.3]}
     built = session("BuildWorld", case=case, motion_plane=SIDE_VIEW, objects=[pail])

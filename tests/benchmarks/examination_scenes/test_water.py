@@ -43,7 +43,7 @@ def test_water_at_rest_has_hydrostatic_pressure_and_stays() -> None:
     assert np.abs(tank.velocities).max() < 0.01
 
 
-@pytest.mark.parametrize("density", [0.3, 0.6])
+@pytest.mark.parametrize("density", [pytest.param(0.3, marks=pytest.mark.benchmark), 0.6])
 def test_plank_floats_as_deep_as_archimedes_says(density: float) -> None:
     half = 0.1, 0.04
     plank = Solid(half, 4 * half[0] * half[1] * DENSITY * density, np.array([0.4, 0.25]), np.zeros(3), 0.3)
