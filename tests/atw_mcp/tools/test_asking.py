@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from atw_mcp.probing.asking import disagree
 from tests.atw_mcp.session import Session
 from tests.polyworld.sliding_block import block_places, stopping_distance
 
@@ -297,6 +298,15 @@ def test_worlds_that_disagree_are_not_averaged(tmp_path: Path) -> None:
     assert torn["answer"].startswith("the worlds disagree")
     alone = [session.shown("Ask", case="slide", questions=[question], worlds=[w])["data"]["answers"] for w in drafts]
     assert [rows[0]["probability"] > 0.5 for rows in alone] == [False, True]
+
+
+def test_places_that_differ_by_rounding_along_one_axis_agree() -> None:
+    def place(x: float, z: float) -> dict[str, Any]:
+        return {"place": {"x": {"80%": [x - 0.3, x + 0.3]}, "z": {"80%": [z, z]}}}
+
+    assert not disagree([place(1.781, 0.167), place(1.784, 0.1671)], [0.5, 0.5])
+    assert disagree([place(1.8, 0.167), place(1.8, 0.4)], [0.5, 0.5])
+    assert disagree([place(1.0, 0.167), place(1.8, 0.167)], [0.5, 0.5])
 
 
 def test_a_ball_is_nowhere_below_the_floor_that_it_bounces_on(tmp_path: Path) -> None:
