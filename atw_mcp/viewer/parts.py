@@ -7,11 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
-
-
 Quaternion = Annotated[list[float], Field(min_length=4, max_length=4, description="w, x, y, z")]
-
-
 Interval = Annotated[list[float | None], Field(min_length=2, max_length=2)]
 
 

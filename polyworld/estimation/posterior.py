@@ -113,8 +113,9 @@ def sample(
     if s:
         first, least = [np.concatenate(place)[at] for place in places], np.concatenate(costs, axis=1)[:, at]
     else:
-        first = [np.tile(np.concatenate(parts), (count, 1)) for parts in found.point.states]
-        least = np.array([total for total, _ in _costs(problem, found, shared, first)])
+        one = [np.concatenate(parts)[None] for parts in found.point.states]
+        least = np.array([total for total, _ in _costs(problem, found, shared[:1], one)])
+        first = [np.tile(own, (count, 1)) for own in one]
     normals = [rng.standard_normal((count, width.shape[1])) for width in widths]
     scattered = [own + z @ width.T for own, z, width in zip(first, normals, widths, strict=True)]
     states = []

@@ -316,10 +316,10 @@ def strip_case(rng: np.random.Generator, truth: str | None) -> Case:
 
 def falling_case(rng: np.random.Generator, truth: str | None) -> Case:
     """A sheet of 6 x 6 squares let go flat: m dv/dt = m g - rho C v^2 / 2 per area."""
-    density, air, told = 0.1, AIR, 0.6
-    value = {"air_drag": told * float(rng.uniform(1.8, 2.6)), None: told}[truth]
+    density, air, stated = 0.1, AIR, 0.6
+    value = {"air_drag": stated * float(rng.uniform(1.8, 2.6)), None: stated}[truth]
     terminal = np.sqrt(2.0 * density * G / (air * value))
-    cloth = {"areal_density": density, "stretch_stiffness": 200.0, "drag_normal": told, "drag_tangential": 0.02}
+    cloth = {"areal_density": density, "stretch_stiffness": 200.0, "drag_normal": stated, "drag_tangential": 0.02}
     times = np.arange(31) / 30.0
     world = scene(
         deformables=[sheet((-0.3, -0.3, 0), (0.6, 0, 0), (0, 0.6, 0), **cloth)],

@@ -47,5 +47,5 @@ def test_a_ball_starts_with_the_spin_that_was_measured() -> None:
     run = Run("r", ("ball",), TIMES, places, np.full((len(TIMES), 1, 4), np.nan), angular_velocities=spins)
     ball = RigidObject(name="ball", shape=Sphere(radius=0.05), position=(0.0, 0.0, 0.0))
     (one,) = Study.of(World(objects=(ball,)), Recording((run,))).runs
-    begun = with_initial_states(one.world, one.tracks).object("ball").angular_velocity
-    np.testing.assert_allclose(begun, spin, atol=0.5)
+    placed = with_initial_states(one.world, one.tracks).object("ball").angular_velocity
+    np.testing.assert_allclose(placed, spin, atol=0.5)
