@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -105,6 +105,18 @@ def _held(scene: Scene, seeds: Sequence[Seed]) -> list[dict[int, Floats]]:
     return held
 
 
+def _windows(
+    scene: Scene, held: list[dict[int, Floats]]
+) -> Iterator[tuple[int, int, tuple[slice, slice], NDArray[np.bool_]]]:
+    """Body, frame, rows and columns of a window, and the pixels (h, w) of it that the body has there, of each seed."""
+    for i, own in enumerate(held):
+        for k, pose in own.items():
+            corner, size = scene.window(i, pose, 3.0)
+            if min(size) > 1:
+                part = slice(corner[1], corner[1] + size[1]), slice(corner[0], corner[0] + size[0])
+                yield i, k, part, _mask(scene, i, pose, corner, size)
+
+
 def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
     """Pixels (S, H, W) that look in a frame as they do where a seed shows a body: the body may still stand there.
 
@@ -114,23 +126,18 @@ def _at_seeds(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
     """
     film, chosen = scene.film, scene.film.chosen()
     covered = scene.covered(2.0)
-    for i, own in enumerate(held):
-        for k, pose in own.items():
-            corner, size = scene.window(i, pose, 3.0)
-            if min(size) < 2:
-                continue
-            rows, columns = slice(corner[1], corner[1] + size[1]), slice(corner[0], corner[0] + size[0])
-            mask = _mask(scene, i, pose, corner, size)
-            parts = film.frames[[k, *chosen], rows, columns].astype(np.float32)
-            own_look, *looks = (features(cv2.blur(part, (3, 3)), scene.settings) for part in parts)
-            spread = np.maximum(scene.settings.least_spread, np.sqrt(2) * scene.background.noise).astype(np.float32)
-            apart = np.stack(looks) - own_look
-            if isinstance(scene.bodies[i], Solid):
-                alike = gauss(apart, spread).sum(axis=-1) > np.log(scene.settings.unknown)
-            else:
-                alike = (np.abs(apart) < 3.0 * spread).all(axis=-1)
-            standing = alike[:, filled(scene.bodies[i].polygon(pose), corner, size)].mean(axis=1) > 0.5
-            covered[:, rows, columns] |= (alike | standing[:, None, None]) & mask
+    for i, k, (rows, columns), mask in _windows(scene, held):
+        parts = film.frames[[k, *chosen], rows, columns].astype(np.float32)
+        own_look, *looks = (features(cv2.blur(part, (3, 3)), scene.settings) for part in parts)
+        spread = np.maximum(scene.settings.least_spread, np.sqrt(2) * scene.background.noise).astype(np.float32)
+        apart = np.stack(looks) - own_look
+        if isinstance(scene.bodies[i], Solid):
+            alike = gauss(apart, spread).sum(axis=-1) > np.log(scene.settings.unknown)
+        else:
+            alike = (np.abs(apart) < 3.0 * spread).all(axis=-1)
+        inside = filled(scene.bodies[i].polygon(held[i][k]), (columns.start, rows.start), alike.shape[:0:-1])
+        standing = alike[:, inside].mean(axis=1) > 0.5
+        covered[:, rows, columns] |= (alike | standing[:, None, None]) & mask
     return covered
 
 
@@ -144,12 +151,8 @@ def _alike(scene: Scene, held: list[dict[int, Floats]]) -> NDArray[np.bool_]:
     frames = film.sample
     covered = np.zeros(frames.shape[:3], bool)
     seeded = np.zeros(frames.shape[1:3], bool)
-    for i, own in enumerate(held):
-        for pose in own.values():
-            corner, size = scene.window(i, pose, 3.0)
-            if min(size) > 1:
-                part = np.s_[corner[1] : corner[1] + size[1], corner[0] : corner[0] + size[0]]
-                seeded[part] |= _mask(scene, i, pose, corner, size)
+    for *_, part, mask in _windows(scene, held):
+        seeded[part] |= mask
     changes = (frames.max(axis=0) - frames.min(axis=0)).max(axis=-1) > 2 * s.dark_level
     rows, columns = np.nonzero(changes | seeded)
     usual = features(frames[:: max(1, len(frames) // 4)].reshape(-1, 3)[::97].astype(np.float32), s)
