@@ -113,6 +113,8 @@ def draw(kind: str, seed: int, path: Path | None) -> dict[str, Any]:
         if questions is None or not all(sound(w.scene, w.truth) for w in asker.changed if "truth" in w.__dict__):
             continue
         points = calibration(rng, camera, places)
+        if points is None:
+            continue
         if path is not None:
             path.mkdir(parents=True, exist_ok=True)
             film(rng, scene, run, camera, at, path / "clip.mp4")

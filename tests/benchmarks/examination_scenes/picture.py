@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tests.benchmarks.examination_scenes.world import SAMPLE, Array, Run, Scene, Water, row, xml
 
+POINT_TRIES = 2000  # places drawn for the eight calibration points of a picture
 SIZES = ((480, 320), (640, 360), (640, 480), (960, 540), (960, 640))
 RGB = {
     "red": (0.75, 0.1, 0.1), "blue": (0.12, 0.25, 0.75), "green": (0.1, 0.5, 0.15), "yellow": (0.85, 0.75, 0.1),
@@ -68,18 +69,20 @@ def draw_camera(rng: np.random.Generator, places: Array, view: str) -> Camera:
     raise ValueError("no camera sees all places within 12 m")
 
 
-def calibration(rng: np.random.Generator, camera: Camera, places: Array) -> list[dict[str, Any]]:
-    """Return eight points, four on the floor and four above, with their pixels to 0.01."""
+def calibration(rng: np.random.Generator, camera: Camera, places: Array) -> list[dict[str, Any]] | None:
+    """Return eight points, four on the floor and four above, with their pixels to 0.01; None where they find no room."""
     points: list[dict[str, Any]] = []
     low, high = places.min(axis=0) - 0.5, places.max(axis=0) + 0.5
-    while len(points) < 8:
+    for _ in range(POINT_TRIES):
         height = 0.0 if len(points) < 4 else rng.uniform(0.2, max(high[2], 0.5))
         world = np.round([*rng.uniform(low[:2], high[:2]), height], 2)
         pixel = camera.pixel(world)
         clear = all(np.linalg.norm(pixel - p["pixel"]) > 0.12 * camera.size[1] for p in points)
         if clear and camera.sees(world, 0.02):
             points.append({"pixel": np.round(pixel, 2).tolist(), "world": world.tolist()})
-    return points
+        if len(points) == 8:
+            return points
+    return None
 
 
 def floor_texture(rng: np.random.Generator, side: int = 512) -> NDArray[np.uint8]:
