@@ -236,18 +236,14 @@ def _candidates(
     settings: EyeSettings,
     tick: Callable[[], None],
 ) -> list[_Candidate]:
-    """Regions that move and that stand out, but for shadows; and regions of the words' colours in some frames."""
+    """Regions that move, those that follow others as shadows do last, and that stand out; and regions of the words' colours in some frames."""
     found = []
     for p in discover(frames, settings, tick=tick):
         frame = p.seeds[0].frame
         outlines = {r.frame: outline_in_full(r, r.picture[1] / frames.shape[2]) for r in p.regions}
         outlines[frame] = np.asarray(p.seeds[0].value)
-        if p.kind != "shadow":
-            found.append(
-                _Candidate(
-                    outlines, frame, float(np.log(max(p.moves if p.regions else settings.at_rest * p.moves, 0.02)))
-                )
-            )
+        moves = p.moves if p.regions else settings.at_rest * p.moves
+        found.append(_Candidate(outlines, frame, float(np.log(max(moves, 0.02)))))
     small, factor = reduced(frames, settings.discovery_pixels)
     free = np.ones(small.shape[1:3], np.uint8)
     if hiding is not None:
