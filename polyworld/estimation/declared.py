@@ -251,18 +251,24 @@ class _Rows:
 
     def restitutions(self) -> list[Unknown]:
         """Restitution by group; of objects without a stated material a common one, and factors on it."""
-        (mean, sd), found = self.settings.restitution, list[Unknown]()
+        found = list[Unknown]()
         for name, own in self.groups.items():
             if name not in self.unstated:
+                mean, sd = self._bounce(own)
                 label, paths = f"restitution of {name}", _paths(own, "restitution")
                 found.append(self._of(own, Unknown(label, paths, "1", mean, 0.0, 1.0, sd, prior=(mean, sd))))
         if self.unstated:
             bodies = [o for name in self.unstated for o in self.groups[name]]
-            label, paths = f"restitution {COMMON}", _paths(bodies, "restitution")
+            label, paths, (mean, sd) = f"restitution {COMMON}", _paths(bodies, "restitution"), self._bounce(bodies)
             shared = _log(label, paths, float(np.log(mean)), sd / mean, (0.02, 1.0), ())
             found.append(self._of(bodies, shared))
             found += [self._departure("restitution", name, self.groups[name]) for name in self.unstated]
         return found
+
+    def _bounce(self, own: Sequence[RigidObject]) -> Gaussian:
+        """Prior of the restitution of what one material is said of."""
+        balls = all(isinstance(o.shape, Sphere) for o in own)
+        return self.settings.restitution_of_balls if balls else self.settings.restitution
 
     def rolling_resistances(self) -> list[Unknown]:
         """Lever arm over radius of what rolls, by group; in spatial worlds. Of what skids it is given."""
