@@ -236,7 +236,10 @@ def _candidates(
     settings: EyeSettings,
     tick: Callable[[], None],
 ) -> list[_Candidate]:
-    """Regions that move, those that follow others as shadows do last, and that stand out; and regions of the words' colours in some frames."""
+    """Regions that move and that stand out, and in some frames those of the words' colours.
+
+    What follows another region as its shadow does is unlikely to be a body, but two on one string do as well.
+    """
     found = []
     for p in discover(frames, settings, tick=tick):
         frame = p.seeds[0].frame

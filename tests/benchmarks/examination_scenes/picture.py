@@ -70,7 +70,7 @@ def draw_camera(rng: np.random.Generator, places: Array, view: str) -> Camera:
 
 
 def calibration(rng: np.random.Generator, camera: Camera, places: Array) -> list[dict[str, Any]] | None:
-    """Return eight points, four on the floor and four above, with their pixels to 0.01; None where they find no room."""
+    """Return eight points, four on the floor and four above, with pixels to 0.01; None where they find no room."""
     points: list[dict[str, Any]] = []
     low, high = places.min(axis=0) - 0.5, places.max(axis=0) + 0.5
     for _ in range(POINT_TRIES):
