@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from atw_mcp.calls.app import App
-from atw_mcp.fitting.verdict import cure
+from atw_mcp.fitting.verdict import cure, predicted_errors
 from evidence_store import Case, Evidence
 from polyworld.edits.removal import MET
 from polyworld.estimation.readout import gyration_radius
@@ -17,6 +17,7 @@ from polyworld.world import World
 TURNED = 0.1  # [rad]; smaller rotation errors are never doubted
 OVERSTATED = 3.0  # times the error of a fit from which the stated noise is doubted; chance explains no such factor
 SLACK = 2.0  # standard deviations of a link beyond which a collision is not what its bodies' restitution says
+BETTER = 0.8  # of a fit's errors below which an earlier one is named: errors of a few bodies scatter by less
 ROWS = 8  # rows of `undetermined` shown
 LATEST = 20  # cases of a store that are considered for a common study: each is read, however large the store grows
 CONTACTS = (
@@ -146,17 +147,37 @@ def _off(document: dict[str, Any]) -> list[str]:
     return [f"off beyond measurement: {said}: InspectRollout shows from when on"]
 
 
-def lower_draft(earlier: Sequence[Evidence], document: dict[str, Any], observation: str) -> dict[str, Any] | None:
-    """The draft of lowest loss among a case's earlier fits of the same frames, if lower than this one's."""
-    comparable = [
-        (data["loss"], data["world"])
-        for record in earlier
-        if record.observation == observation
-        for data in [record.payload.get("data", {})]
-        if data.get("loss") is not None and data.get("fitted_frames") == document["fitted_frames"]
-    ]
-    loss, world = min(comparable, default=(np.inf, ""))
-    return {"world": world, "loss": loss} if loss < document["loss"] else None
+def better_draft(earlier: Sequence[Evidence], document: dict[str, Any], observation: str) -> dict[str, Any] | None:
+    """Name the draft, among a case's earlier fits of the same frames, whose errors are least, if less than this one's.
+
+    Errors are those on the frames left out, as geometric mean over the bodies that both fits predict; fits without any
+    are compared by their loss on the frames fitted.
+    """
+    best: dict[str, Any] | None = None
+    own = predicted_errors(document["verdict"]["bodies"])
+    for record in earlier:
+        data = record.payload.get("data", {})
+        if record.observation != observation or data.get("fitted_frames") != document["fitted_frames"]:
+            continue
+        ratio = _error_ratio(predicted_errors(data.get("bodies") or []), own)
+        on = "predicted"
+        if ratio is None and data.get("loss") is not None:
+            ratio, on = data["loss"] / max(document["loss"], 1e-300), "fitted"
+        if ratio is not None and ratio < (BETTER if best is None else best["error_over_this"]):
+            best = {"world": data["world"], "error_over_this": ratio, "on": on}
+    return best
+
+
+def draft_in_words(better: dict[str, Any]) -> str:
+    """Name a better draft and by how much it is better."""
+    what = "predicted the frames left out" if better["on"] == "predicted" else "fits the same frames"
+    return f"draft {better['world']} {what} better: {better['error_over_this']:.2g} times the error"
+
+
+def _error_ratio(one: dict[str, float], other: dict[str, float]) -> float | None:
+    """Return the geometric mean of errors over others, of the bodies of both; None where these are none."""
+    common = one.keys() & other.keys()
+    return float(np.exp(np.mean([np.log(one[n] / other[n]) for n in common]))) if common else None
 
 
 def open_questions(document: dict[str, Any]) -> tuple[list[dict[str, str]], int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -156,6 +156,13 @@ def verdict_of(app: App, world: str) -> Mapping[str, Any] | None:
             found: Mapping[str, Any] = descent.detail["verdict"]
             return found
     return None
+
+
+def predicted_errors(bodies: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Return the error beside noise [m] of each body of a verdict on the frames that its fit left out at first."""
+    rows = ((b["object"], b["predicted_m"], b["noise_m"]) for b in bodies)
+    errors = {name: float(np.hypot(error, noise)) for name, error, noise in rows if error is not None}
+    return {name: error for name, error in errors.items() if error > 0.0}
 
 
 def chance_of_wrong(verdict: Mapping[str, Any] | None) -> tuple[float, str]:

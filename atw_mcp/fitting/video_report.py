@@ -9,7 +9,7 @@ from atw_mcp.calls.app import App
 from atw_mcp.calls.results import Answer
 from atw_mcp.calls.steps import Step, StepFailed, Steps
 from atw_mcp.fitting.errors import ObjectError
-from atw_mcp.fitting.reading import CONTACTS, ROLLING, sharing
+from atw_mcp.fitting.reading import CONTACTS, ROLLING, draft_in_words, sharing
 from atw_mcp.observation.matching import Matching
 from atw_mcp.observation.observing import chosen_image_observation, track_record
 from atw_mcp.perception.known_scene import OFF_PLANE
@@ -138,7 +138,7 @@ def _doubts(steps: Steps, fitted: Step, model: VideoModel) -> list[str]:
     found += fitted.data["warnings"]
     better, own = fitted.data["best_draft"], {step.evidence.world for step in steps.done}
     if better is not None and better["world"] not in own:  # one of its own was passed over on purpose
-        found.append(f"draft {better['world']} has a lower loss on the same frames, {better['loss']:.3g}")
+        found.append(draft_in_words(better))
     for step in steps.done:
         if step.tool == "CalibrateCamera":
             found += [text for text in step.data.get("warnings", []) if "were assumed" not in text]

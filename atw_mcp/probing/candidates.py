@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from mcp.server.mcpserver.exceptions import ToolError
 from numpy.typing import NDArray
 
 from atw_mcp.calls.app import App
-from atw_mcp.fitting.verdict import verdict_of
+from atw_mcp.fitting.verdict import predicted_errors, verdict_of
 from atw_mcp.probing.ensembles import Ensemble, lineage
 from evidence_store import Case
 from polyworld.world import World
@@ -27,7 +26,8 @@ def weights(app: App, case: Case, worlds: Sequence[World]) -> Array:
     """
     if len(worlds) == 1:
         return np.ones(1)
-    rows = [_predicted(app, lineage(app, case, world).fitted) for world in worlds]
+    verdicts = [verdict_of(app, lineage(app, case, world).fitted) for world in worlds]
+    rows = [{} if verdict is None else predicted_errors(verdict["bodies"]) for verdict in verdicts]
     for world, own in zip(worlds, rows, strict=True):
         if not own:
             raise ToolError(
@@ -73,14 +73,3 @@ def mixture(ensembles: Sequence[Ensemble], shares: Sequence[float], sizes: Seque
         why=max(ensembles, key=lambda e: e.wrong).why,
         fitted_until=min(e.fitted_until for e in ensembles),
     )
-
-
-def _predicted(app: App, world: str) -> dict[str, float]:
-    """Return the error beside noise [m] of each body on the frames that the fit of a world left out at first."""
-    verdict: Any = verdict_of(app, world)
-    rows = [] if verdict is None else verdict["bodies"]
-    return {
-        row["object"]: float(np.hypot(row["predicted_m"], row["noise_m"]))
-        for row in rows
-        if row["predicted_m"] is not None and np.hypot(row["predicted_m"], row["noise_m"]) > 0.0
-    }

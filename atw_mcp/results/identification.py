@@ -11,10 +11,11 @@ from atw_mcp.results.values import Frames
 
 
 class BestDraft(Result):
-    """An earlier fit of the same frames with a lower loss."""
+    """An earlier fit of the same frames with smaller errors."""
 
     world: str = Field(description="its id")
-    loss: float
+    error_over_this: float = Field(description="its errors over this fit's; of losses where no frames were left out")
+    on: Literal["predicted", "fitted"] = Field(description="the frames that were compared")
 
 
 class Decides(Result):

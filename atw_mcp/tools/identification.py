@@ -26,8 +26,9 @@ from atw_mcp.fitting.fitting import (
 from atw_mcp.fitting.reading import (
     CONTACTS,
     ROLLING,
+    better_draft,
     doubts,
-    lower_draft,
+    draft_in_words,
     next_step,
     notes,
     open_questions,
@@ -248,7 +249,7 @@ def _fit_answer(
     doubtful = doubts(fitted, document)
     rows, count = open_questions(document)
     fits = [item.id for item in app.store.evidence.of_case(case.id, tool="FitWorld") if item.status == "completed"]
-    better = lower_draft([app.store.evidence.get(item) for item in fits], document, observation)
+    better = better_draft([app.store.evidence.get(item) for item in fits], document, observation)
     cancelled = "cancelled; best so far: " if document["status"] == "cancelled" else ""
     sample = stored_sample(app, fitted.id)
     pooled = "" if len(document["study"]) > 1 else sharing(app, case, fitted.id, document["values"])
@@ -296,7 +297,7 @@ def _fit_answer(
         + (f"; {ahead}" if ahead else "")
         + f" (the starting world {start.id}, before any fit: {_short(before)})"
         + "".join(f". WARNING: {text}" for text in doubtful)
-        + ("" if better is None else f". Draft {better['world']} has a lower loss on the same frames"),
+        + ("" if better is None else f". Note: {draft_in_words(better)}"),
         data={
             **{key: value for key, value in shown.items() if key not in ("undetermined", "undetermined_whole")},
             **document,  # whole lists
