@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from atw_mcp.calls.app import App
 from atw_mcp.calls.jobs import Progress
 from atw_mcp.models import (
-    Limits,
     ModelError,
-    ModelFolder,
     Prompt,
     Provenance,
     camera_over_floor,
     follow,
     follow_points,
     intrinsics_of,
-    meshes,
     poses,
     predict_depth,
     prompts_from,
@@ -30,6 +26,7 @@ from atw_mcp.models import (
 )
 from atw_mcp.models.folders import Task
 from atw_mcp.observation.importing import keep_depth, mesh_of
+from atw_mcp.observation.mesh_runs import prepare_mesh
 from atw_mcp.observation.observing import (
     derivation,
     derived_tracks,
@@ -40,60 +37,30 @@ from atw_mcp.observation.observing import (
     track_record,
     video_file,
 )
+from atw_mcp.observation.run_requests import (
+    Prepared,
+    RunOutcome,
+    RunRequest,
+    asked_names,
+    callbacks_of,
+    frames_of,
+    inputs_of,
+    latest_observed,
+    masks_by_others,
+    stride_of,
+)
 from atw_mcp.observation.track_records import TrackRecord, to_document
 from atw_mcp.perception.agreement import agreement, by_agreement
 from atw_mcp.perception.calibration import CalibrationError
 from atw_mcp.perception.masks import Mask
 from atw_mcp.perception.observation import ImageObservation, ObservationError
-from atw_mcp.perception.video import Frames, load
+from atw_mcp.perception.video import load
 from atw_mcp.worlds.building import ObservedObject, hull_vertices
 from evidence_store import Case, Content
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
 from polyworld.world.shapes import BodyShape, ConvexMesh
-
-Use = Literal["model", "agreement", "report"]
-
-
-@dataclass(frozen=True)
-class KnownObject:
-    """An object a model is asked about; size: its greatest extent [m]; mesh: id of a mesh of the case."""
-
-    name: str
-    size: float | None = None
-    mesh: str | None = None
-
-
-@dataclass(frozen=True)
-class RunRequest:
-    """Request that a model be run on a case. prompts: rows are frame numbers here. use: what becomes of the result."""
-
-    model: ModelFolder
-    limits: Limits
-    prompts: tuple[Prompt, ...] = ()
-    objects: tuple[KnownObject, ...] = ()
-    stride: int = 1
-    use: Use = "model"
-
-
-@dataclass(frozen=True)
-class RunOutcome:
-    """id: of what was kept; summary and data: for the agent; objects: whom it is about."""
-
-    id: str
-    summary: str
-    data: dict[str, Any]
-    objects: tuple[str, ...] = field(default=())
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """A run that has been checked: inputs determine its result, work does it."""
-
-    kind: str
-    inputs: dict[str, Any]
-    work: Callable[[Progress], RunOutcome]
 
 
 def prepare(app: App, case: Case, request: RunRequest) -> Prepared:
@@ -107,7 +74,7 @@ def prepare(app: App, case: Case, request: RunRequest) -> Prepared:
         "points": _points,
         "depth": _depth,
         "pose": _pose,
-        "mesh": _mesh,
+        "mesh": prepare_mesh,
     }
     return makers[request.model.task](app, case, request)
 
@@ -116,7 +83,7 @@ def prepare(app: App, case: Case, request: RunRequest) -> Prepared:
 
 
 def _segmentation(app: App, case: Case, request: RunRequest) -> Prepared:
-    latest = _by_others(app, case, request.model)
+    latest = masks_by_others(app, case, request.model)
     if not request.prompts and latest is None:
         raise ModelError(
             f"{request.model.name} follows what it is shown: give prompts, or let "
@@ -129,7 +96,7 @@ def _segmentation(app: App, case: Case, request: RunRequest) -> Prepared:
     if not prompts:
         assert latest is not None
         seen = latest[1]
-        stride = _stride(seen)
+        stride = stride_of(seen)
         only = [item.name for item in request.objects] or None
         prompts = tuple(
             Prompt(p.object, seen.frames[p.row], p.box, p.positive, p.negative) for p in prompts_from(seen, only)
@@ -138,7 +105,7 @@ def _segmentation(app: App, case: Case, request: RunRequest) -> Prepared:
     if off:
         raise ModelError(f"with stride {stride} frames {off} are not looked at: prompt in multiples of {stride}")
     inputs = {
-        **_inputs(case, request),
+        **inputs_of(case, request),
         "prompts": [vars(p) for p in prompts],
         "stride": stride,
         "against": None if latest is None else latest[0],
@@ -161,7 +128,7 @@ def _segment(
     if kept is None:
         info, frames = load(video_file(app, case), stride=stride)
         rows = tuple(Prompt(p.object, p.row // stride, p.box, p.positive, p.negative) for p in prompts)
-        found = follow(request.model, frames, rows, request.limits, **_callbacks(progress))
+        found = follow(request.model, frames, rows, request.limits, **callbacks_of(progress))
         seen = found.observation(info, frames, tuple(range(0, stride * len(frames), stride)))
         rated = None if latest is None else agreement(seen, latest[1], frames)
         if request.use == "agreement" and latest is not None:
@@ -204,14 +171,14 @@ def _segment(
 
 
 def _depth(app: App, case: Case, request: RunRequest) -> Prepared:
-    inputs = {**_inputs(case, request), "stride": request.stride}
+    inputs = {**inputs_of(case, request), "stride": request.stride}
     return Prepared("model_depth", inputs, partial(_measure_depth, app, case, request, inputs))
 
 
 def _measure_depth(app: App, case: Case, request: RunRequest, inputs: dict[str, Any], progress: Progress) -> RunOutcome:
     info, frames = load(video_file(app, case), stride=request.stride)
     numbers = range(0, request.stride * len(frames), request.stride)
-    found = predict_depth(request.model, frames, numbers, request.limits, **_callbacks(progress))
+    found = predict_depth(request.model, frames, numbers, request.limits, **callbacks_of(progress))
     camera = latest_camera(app, case)
     focal = None if found.focal is None else float(np.median(found.focal))
     latest = latest_image_observation(app, case)
@@ -287,8 +254,8 @@ def _ever(seen: ImageObservation) -> Mask:
 
 
 def _points(app: App, case: Case, request: RunRequest) -> Prepared:
-    identifier, seen = _observed(app, case, request)
-    inputs = {**_inputs(case, request), "observation": identifier, "objects": _names(request, seen)}
+    identifier, seen = latest_observed(app, case, request)
+    inputs = {**inputs_of(case, request), "observation": identifier, "objects": asked_names(request, seen)}
     return Prepared("model_tracks", inputs, partial(_turn, app, case, request, seen, inputs))
 
 
@@ -296,10 +263,10 @@ def _turn(
     app: App, case: Case, request: RunRequest, seen: ImageObservation, inputs: dict[str, Any], progress: Progress
 ) -> RunOutcome:
     record, camera = _tracked(app, case, progress)
-    frames = _frames(app, case, seen)
+    frames = frames_of(app, case, seen)
     names = [name for name in inputs["objects"] if name in record.tracks.names]
     queries = queries_on(seen, frames, names)
-    found = follow_points(request.model, frames, queries, request.limits, **_callbacks(progress))
+    found = follow_points(request.model, frames, queries, request.limits, **callbacks_of(progress))
     common = [f for f in record.tracks.frames if int(f) in set(seen.frames)]
     if len(common) != len(record.tracks.frames) or len(seen.frames) != len(common):
         raise ObservationError("the tracks and the observation are of different frames: observe with the same stride")
@@ -323,11 +290,11 @@ def _turn(
 
 
 def _pose(app: App, case: Case, request: RunRequest) -> Prepared:
-    identifier, seen = _observed(app, case, request)
+    identifier, seen = latest_observed(app, case, request)
     inputs = {
-        **_inputs(case, request),
+        **inputs_of(case, request),
         "observation": identifier,
-        "objects": _names(request, seen),
+        "objects": asked_names(request, seen),
         "meshes": {o.name: o.mesh for o in request.objects},
     }
     return Prepared("model_tracks", inputs, partial(_place, app, case, request, seen, inputs))
@@ -345,8 +312,8 @@ def _place(
     if not asked:
         raise ModelError("a pose needs the object's shape: give objects=[{name, mesh}], or build the world first")
     step = record.tracks.seconds_per_frame
-    frames = _frames(app, case, seen)
-    tracks = poses(request.model, seen, frames, camera, asked, step, request.limits, **_callbacks(progress))
+    frames = frames_of(app, case, seen)
+    tracks = poses(request.model, seen, frames, camera, asked, step, request.limits, **callbacks_of(progress))
     looks = {o.name: o for o in record.objects}
     objects = [
         ObservedObject(
@@ -406,107 +373,3 @@ def _keep_tracks(
 
 
 # --- meshes ---
-
-
-def _mesh(app: App, case: Case, request: RunRequest) -> Prepared:
-    identifier, seen = _observed(app, case, request)
-    inputs = {
-        **_inputs(case, request),
-        "observation": identifier,
-        "objects": _names(request, seen),
-        "sizes": {o.name: o.size for o in request.objects if o.size is not None},
-    }
-    return Prepared("model_mesh", inputs, partial(_shape, app, case, request, seen, inputs))
-
-
-def _shape(
-    app: App, case: Case, request: RunRequest, seen: ImageObservation, inputs: dict[str, Any], progress: Progress
-) -> RunOutcome:
-    rate = float(case.facts.get("frames_per_second") or 0.0)
-    step = 1.0 / rate if rate > 0 else 0.04
-    names, sizes = inputs["objects"], inputs["sizes"]
-    frames = _frames(app, case, seen)
-    found = meshes(request.model, seen, frames, names, sizes, step, request.limits, **_callbacks(progress))
-    provenance = Provenance(request.model, request.limits.device, request.limits.batch)
-    rows = []
-    for name, made in found.items():
-        low, high = made.mesh.vertices.min(axis=0), made.mesh.vertices.max(axis=0)
-        document = {
-            "file": f"{request.model.name}: {name}",
-            "vertices": len(made.mesh.vertices),
-            "faces": len(made.mesh.faces),
-            "watertight": made.mesh.watertight,
-            "lower": low.tolist(),
-            "upper": high.tolist(),
-            "model": provenance.to_dict(),
-        }
-        arrays = {"vertices": made.mesh.vertices, "faces": made.mesh.faces}
-        with app.store.transaction():
-            kept = app.store.observations.put("mesh", {**inputs, "object": name}, document, arrays)
-            if request.use != "report":
-                app.store.cases.add_observation(case.id, "mesh", kept.id)
-        rows.append(
-            {
-                "object": name,
-                "mesh": kept.id,
-                "extent": (high - low).tolist(),
-                "scale_from": made.scale_from,
-                "watertight": made.mesh.watertight,
-            }
-        )
-    shape = {"kind": "mesh", "mesh": rows[0]["mesh"]}
-    return RunOutcome(
-        str(rows[0]["mesh"]),
-        f"{request.model.name}: meshes of {', '.join(found)}",
-        {
-            "meshes": rows,
-            "made_with": provenance.to_dict(),
-            "next": f"BuildWorld(case={case.id!r}, objects=[{{name: {names[0]!r}, shape: {shape}}}]): bodies are the "
-            "convex hulls of their meshes",
-        },
-        tuple(found),
-    )
-
-
-# --- shared ---
-
-
-def _inputs(case: Case, request: RunRequest) -> dict[str, Any]:
-    return {"video": case.content, "model": request.model.name, "weights": request.model.sha256()}
-
-
-def _by_others(app: App, case: Case, model: ModelFolder) -> tuple[str, ImageObservation] | None:
-    """The latest observation that these weights did not make: what a model is compared with is not itself."""
-    for _, identifier in app.store.cases.observations(case.id, "objects"):
-        content = app.store.observations.get(identifier)
-        if content.inputs.get("weights") != model.sha256():
-            return identifier, image_observation(content)
-    return None
-
-
-def _observed(app: App, case: Case, request: RunRequest) -> tuple[str, ImageObservation]:
-    latest = latest_image_observation(app, case)
-    if latest is None:
-        raise ModelError(f"{request.model.name} needs objects: ObserveObjects(case={case.id!r}) first")
-    return latest
-
-
-def _names(request: RunRequest, seen: ImageObservation) -> list[str]:
-    for item in request.objects:
-        seen.object(item.name)
-    return [item.name for item in request.objects] or list(seen.names)
-
-
-def _frames(app: App, case: Case, seen: ImageObservation) -> Frames:
-    return load(video_file(app, case), stride=_stride(seen))[1]
-
-
-def _stride(seen: ImageObservation) -> int:
-    return seen.frames[1] - seen.frames[0] if len(seen.frames) > 1 else 1
-
-
-def _callbacks(progress: Progress) -> dict[str, Any]:
-    return {
-        "progress": lambda share, what: progress.report(share, 1.0, what),
-        "cancelled": progress.cancelled,
-    }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Any, Literal
@@ -14,7 +13,6 @@ from atw_mcp.calls.app import App
 from atw_mcp.calls.jobs import LongWork, Progress
 from atw_mcp.calls.results import Answer, explained
 from atw_mcp.calls.toolbox import ToolGroup
-from atw_mcp.cases.material_facts import about_deformable
 from atw_mcp.fitting.fitting import FitRequest, window
 from atw_mcp.observation.importing import mesh_of
 from atw_mcp.observation.observing import UNKNOWN_RATE, derivation, derived_tracks, latest_camera, track_record
@@ -35,18 +33,16 @@ from atw_mcp.tools.world_arguments import (
     WallArgument,
 )
 from atw_mcp.worlds.building import Built, Given, ObservedObject, Scene, build_world
+from atw_mcp.worlds.built_answer import built_answer, place_in_words
+from atw_mcp.worlds.given_worlds import DIVIDING, as_long_work, from_document
 from atw_mcp.worlds.parts import Parts, read_parts
-from atw_mcp.worlds.sizes import check_described, check_sizes, described, takes_long
-from atw_mcp.worlds.warnings import fluid_warnings
-from atw_mcp.worlds.world_files import world_of_file
+from atw_mcp.worlds.sizes import check_described, described, takes_long
 from evidence_store import Case
 from polyworld.data.tracks import ObservedTracks
-from polyworld.model.notes import model_notes
-from polyworld.world import Effect, MotionPlane, StaticObject, TimeBase, World
+from polyworld.world import Effect, MotionPlane, StaticObject, TimeBase
 from polyworld.world.shapes import Box, Cylinder, Plane, Sphere, TriangleMesh, Wall
 
 GROUP = ToolGroup("world construction")
-DIVIDING = "dividing soft bodies into elements"
 OBJECTS_EXAMPLE = [
     {
         "name": "red",
@@ -166,7 +162,7 @@ def build_world_tool(
     needed. Next: FitWorld, or InspectRollout to look."""
     found = app.case(case)
     if world is not None:
-        return _from_document(app, found, world, patience_seconds)
+        return from_document(app, found, world, patience_seconds)
     with explained():
         meshes = partial(mesh_of, app, found)
 
@@ -239,16 +235,7 @@ def _built(
     if not long:
         return _build(app, case, request, record)
     key = f"build {case.id} {None if record is None else record.id} {request!r}"
-    return _long(case, key, patience, DIVIDING, lambda: _build(app, case, request, record))
-
-
-def _long(case: Case, key: str, patience: float, doing: str, build: Callable[[], Answer]) -> LongWork:
-    def work(progress: Progress) -> Answer:
-        progress.note(0.0, 1.0, doing)
-        with explained():
-            return build()
-
-    return LongWork(key=key, work=work, draft=Answer(summary=doing, data={}, case=case.id), patience=patience)
+    return as_long_work(case, key, patience, DIVIDING, lambda: _build(app, case, request, record))
 
 
 @dataclass(frozen=True)
@@ -350,11 +337,7 @@ def _build(app: App, case: Case, request: _BuildRequest, found: TrackRecord | No
     )
     observation = None if found is None else found.id
     app.keep_world(case, built.world, how="built", observation=observation)
-    return _built_answer(case, built, observation, [*([rate_note] if rate_note else []), *_in_the_air(record, built)])
-
-
-def _on(motion: str) -> str:
-    return {"flight": "in free flight", "unexplained": "not placed"}.get(motion, f"on {motion}")
+    return built_answer(case, built, observation, [*([rate_note] if rate_note else []), *_in_the_air(record, built)])
 
 
 def _in_the_air(record: TrackRecord, built: Built) -> list[str]:
@@ -363,93 +346,9 @@ def _in_the_air(record: TrackRecord, built: Built) -> list[str]:
     for name in built.world.moving_names:
         parts = [p for p in record.source.get("motions", {}).get(name, []) if p["motion"] != "floor"]
         if parts:
-            listed = ", ".join(f"{_on(p['motion'])} in frames {p['first']}..{p['last']}" for p in parts)
+            listed = ", ".join(f"{place_in_words(p['motion'])} in frames {p['first']}..{p['last']}" for p in parts)
             found.append(f"{name} leaves the floor ({listed}): places in flight follow from gravity and its size")
     return found
-
-
-def _from_document(app: App, case: Case, document: dict[str, Any] | str, patience: float) -> Answer | LongWork:
-    if isinstance(document, str):
-        with explained():
-            key = f"build {case.id} {app.files.file(document)}"
-        return _long(case, key, patience, "reading a world", lambda: _from_file(app, case, document))
-    with explained("DescribeTool(tool='BuildWorld', argument='world') gives the schema of a world"):
-        made = World.model_validate(document)
-        check_sizes(made, app.limits)
-    if takes_long(made.deformables):
-        return _long(
-            case, f"build {case.id} {made.id}", patience, DIVIDING, lambda: _kept_document(app, case, made, ())
-        )
-    return _kept_document(app, case, made, ())
-
-
-def _from_file(app: App, case: Case, path: str) -> Answer:
-    with explained("DescribeTool(tool='BuildWorld', argument='world') gives the schema of a world"):
-        made, left_out = world_of_file(app.files, path)
-        check_sizes(made, app.limits)
-    return _kept_document(app, case, made, left_out)
-
-
-def _kept_document(app: App, case: Case, made: World, left_out: tuple[str, ...]) -> Answer:
-    with explained("DescribeTool(tool='BuildWorld', argument='world') gives the schema of a world"):
-        warned = (*fluid_warnings(made), *model_notes(made))
-    record = app.store.cases.observations(case.id, "tracks")
-    observation = record[0][1] if record else None
-    app.keep_world(case, made, how="given", observation=observation)
-    names = made.moving_names
-    return Answer(
-        summary=f"draft world {made.id} with {len(names)} objects, as given",
-        data={
-            "world": made.id,
-            "objects": made.objects,
-            "statics": made.statics,
-            **described_parts(made),
-            "assumed": [*left_out, *warned],
-        },
-        case=case.id,
-        world=made.id,
-        observation=observation,
-        objects=names,
-    )
-
-
-def _built_answer(case: Case, built: Built, observation: str | None, notes: list[str]) -> Answer:
-    made = built.world
-    names = made.moving_names
-    assumed = [*built.assumed, *notes]
-    return Answer(
-        summary=f"draft world {made.id}: {len(names)} objects, {built.representation} ({built.why})",
-        data={
-            "world": made.id,
-            "representation": built.representation,
-            "why": built.why,
-            **({"alternative_representation": built.alternative} if built.alternative else {}),
-            "objects": [
-                {
-                    "name": item.name,
-                    "shape": item.shape,
-                    "color": item.appearance.color,
-                    "start_frame": round(item.start_time / made.time.seconds_per_frame),
-                    "position": item.position,
-                    "velocity": item.velocity,
-                }
-                for item in made.objects
-            ],
-            **described_parts(made),
-            "statics": [static.name for static in made.statics],
-            "seconds_per_frame": made.time.seconds_per_frame,
-            "camera": made.camera is not None,
-            "assumed": assumed,
-            "left_out": list(built.left_out),
-            "next": f"FitWorld(case={case.id!r}, world={made.id!r})"
-            if observation is not None
-            else f"InspectRollout(case={case.id!r}, world={made.id!r}), then CommitWorld",
-        },
-        case=case.id,
-        world=made.id,
-        observation=observation,
-        objects=names,
-    )
 
 
 def _seconds_per_frame(case: Case, record: TrackRecord, given: float | None) -> tuple[float, str | None]:
@@ -475,19 +374,6 @@ def _frame_count(case: Case, tracks: ObservedTracks) -> int:
 
 def _with_shape(item: ObservedObject, shape: Any) -> ObservedObject:
     return item if item.shape is not None else replace(item, shape=shape)
-
-
-def described_parts(world: World) -> dict[str, Any]:
-    """Describe deformable objects and what connects things, in short, where there are any."""
-    described: dict[str, Any] = {}
-    if world.deformables:
-        described["deformables"] = [about_deformable(world, item) for item in world.deformables]
-        described["substep"] = world.time.substep
-    for part in ("joints", "attachments", "pulleys", "emitters", "drains", "containers"):
-        names = [item.name for item in getattr(world, part)]
-        if names:
-            described[part] = names
-    return described
 
 
 def _triple(values: list[float]) -> tuple[float, float, float]:

@@ -28,8 +28,10 @@ MODULES = (
     "commitment",
     "inspection",
     "looking",
+    "rollout_pictures",
     "asking",
     "experimentation",
+    "readings",
     "querying",
     "control",
 )

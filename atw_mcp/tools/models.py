@@ -13,8 +13,9 @@ from atw_mcp.calls.results import Answer, explained
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.models import Limits, Prompt, available, find_model
 from atw_mcp.models.folders import how_to_add
-from atw_mcp.observation.model_runs import KnownObject, RunRequest, prepare
+from atw_mcp.observation.model_runs import prepare
 from atw_mcp.observation.observing import shown_times
+from atw_mcp.observation.run_requests import KnownObject, RunRequest
 from atw_mcp.results.models import ModelDepth, ModelList, ModelMasks, ModelMeshes, ModelPoints, ModelPoses
 from atw_mcp.tools.world_arguments import Argument, Patience, Pixel
 

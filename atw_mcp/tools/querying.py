@@ -24,7 +24,8 @@ from atw_mcp.probing.ensemble_answers import (
 )
 from atw_mcp.probing.ensembles import Ensemble, EnsembleSize, compute_ensemble, lineage
 from atw_mcp.results.querying import Answered, AnsweredSeveral, ComparedRollouts
-from atw_mcp.tools.experimentation import PATIENCE, Objects, RolloutId, diverged_in_words, end_of
+from atw_mcp.tools.experimentation import PATIENCE, Objects, RolloutId, end_of
+from atw_mcp.tools.readings import diverged_in_words
 from atw_mcp.worlds.rollouts import evidence_status, sample_seconds_of, stored_rollout
 from evidence_store import Case
 from polyworld.probing.compare import Comparison, compare

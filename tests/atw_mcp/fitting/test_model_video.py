@@ -47,7 +47,9 @@ def test_a_video_becomes_a_committed_world_and_an_answer_in_four_calls(discs: tu
     assert friction["interval80"][0] <= friction["value"] <= friction["interval80"][1]
     assert friction["prior80"][0] < friction["prior80"][1]
     assert "product" in data["contacts"]
-    assert not any(doubt.startswith("draft ") for doubt in data["doubts"])  # its own other world was passed over on purpose
+    assert not any(
+        doubt.startswith("draft ") for doubt in data["doubts"]
+    )  # its own other world was passed over on purpose
     assert {body["object"] for body in data["prediction"]["bodies"]} == {"left", "right"}
     assert f"CommitWorld(case={case!r}, world={data['world']!r})" in data["next"]
     spins = session("ReadProperty", case=case, world=data["world"], property="angular_velocity")["data"]["values"]

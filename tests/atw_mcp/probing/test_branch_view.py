@@ -14,7 +14,7 @@ from atw_mcp.looking.overlay import OBSERVED, ROOM
 from atw_mcp.looking.plan_view import PlanView, plan_frame
 from atw_mcp.probing.branch_difference import BranchDifference, Side
 from atw_mcp.probing.branch_view import BASE, BRANCH, WIDTH, BranchView
-from atw_mcp.tools import looking
+from atw_mcp.tools import rollout_pictures
 from atw_mcp.tools.querying import compare_worlds
 from atw_mcp.worlds.rollouts import compute_rollout
 from polyworld.edits.interventions import Remove, branch
@@ -108,7 +108,7 @@ def test_branch_and_base_differ_by_more_than_colour(difference: BranchDifference
 
 def looked(app: App, world: World, **more: Any) -> Answer:
     identifier, _ = compute_rollout(app, world, HORIZON)
-    answer = looking.inspect_rollout(app, "discs", rollout=identifier, **more)
+    answer = rollout_pictures.inspect_rollout(app, "discs", rollout=identifier, **more)
     assert isinstance(answer, Answer)
     return answer
 

@@ -14,7 +14,7 @@ from atw_mcp.calls.app import App
 from atw_mcp.calls.jobs import LongWork, Progress
 from atw_mcp.calls.results import Answer
 from atw_mcp.tools import experimentation as tools
-from atw_mcp.tools import querying
+from atw_mcp.tools import querying, readings
 from atw_mcp.worlds.rollouts import KIND, SERIES, content_of, stored_rollout
 from evidence_store import Binding
 from polyworld.edits.interventions import SetVelocity, branch
@@ -154,7 +154,7 @@ def test_what_lies_beyond_the_observed_frames_is_reported_first(roll: Callable[.
 
 
 def test_trajectory_is_thinned_and_keeps_its_ends(app: App, roll: Callable[..., Answer]) -> None:
-    answer = tools.read_trajectory(app, roll().rollout or "", "striker", limit=5, fields=["frame", "x"])
+    answer = readings.read_trajectory(app, roll().rollout or "", "striker", limit=5, fields=["frame", "x"])
     assert len(answer.data["rows"]) == 61
     assert answer.shown is not None
     shown = answer.shown["rows"]
@@ -164,8 +164,8 @@ def test_trajectory_is_thinned_and_keeps_its_ends(app: App, roll: Callable[..., 
 
 def test_frames_and_seconds_select_the_same_rows(app: App, roll: Callable[..., Answer]) -> None:
     rollout = roll().rollout or ""
-    by_frames = tools.read_trajectory(app, rollout, "target", frames=[10, 20])
-    by_seconds = tools.read_trajectory(app, rollout, "target", interval=[10 * FRAME, 20 * FRAME])
+    by_frames = readings.read_trajectory(app, rollout, "target", frames=[10, 20])
+    by_seconds = readings.read_trajectory(app, rollout, "target", interval=[10 * FRAME, 20 * FRAME])
     assert by_frames.data == by_seconds.data
     assert len(by_frames.data["rows"]) == 11
     assert by_frames.data["covers"] == {"seconds": pytest.approx([0.2, 0.4]), "frames": [10.0, 20.0]}
@@ -173,24 +173,24 @@ def test_frames_and_seconds_select_the_same_rows(app: App, roll: Callable[..., A
 
 def test_events_can_be_chosen_by_participants_and_kind(app: App, roll: Callable[..., Answer]) -> None:
     rollout = roll().rollout or ""
-    events = tools.read_events(app, rollout, ["striker", "target"], together=True, kinds=["contact_begin"]).data
+    events = readings.read_events(app, rollout, ["striker", "target"], together=True, kinds=["contact_begin"]).data
     assert events["of"] == 1
     assert events["events"][0]["approach_speed"] == pytest.approx(SPEED, rel=0.01)
-    page = tools.read_events(app, rollout, limit=1).data
+    page = readings.read_events(app, rollout, limit=1).data
     assert page["next_cursor"] == 1
     assert page["of"] > 1
 
 
 def test_timeline_of_an_interval_leaves_out_the_rest(app: App, roll: Callable[..., Answer]) -> None:
     rollout = roll().rollout or ""
-    assert tools.read_timeline(app, rollout, interval=[0.0, 0.5]).data["timeline"] == []
-    assert tools.read_timeline(app, rollout, interval=[0.7, 0.9]).data["timeline"] != []
+    assert readings.read_timeline(app, rollout, interval=[0.0, 0.5]).data["timeline"] == []
+    assert readings.read_timeline(app, rollout, interval=[0.7, 0.9]).data["timeline"] != []
 
 
 def test_bound_name_stands_for_its_object(app: App, roll: Callable[..., Answer]) -> None:
     app.store.cases.bind("discs", Binding("the left puck", None, "striker", "it is on the left"))
     rollout = roll().rollout or ""
-    assert tools.read_trajectory(app, rollout, "the left puck").objects == ("striker",)
+    assert readings.read_trajectory(app, rollout, "the left puck").objects == ("striker",)
     assert ask(app, rollout, {"predicate": "collides", "a": "the left puck", "b": "Target"})["verdict"] == "true"
     assert roll([{"action": "remove", "object": "the left puck"}]).objects == ("target",)
 
@@ -212,12 +212,12 @@ def test_nothing_is_known_after_a_divergence(app: App) -> None:
     collides = {"predicate": "collides", "a": "striker", "b": "target"}
     assert ask(app, identifier, collides)["verdict"] == "unknown"
     assert ask(app, identifier, collides, interval=[0.0, 0.1])["verdict"] == "false"
-    timeline = tools.read_timeline(app, identifier)
+    timeline = readings.read_timeline(app, identifier)
     assert timeline.status == "diverged"
     assert "nothing after that is known" in timeline.summary
     assert timeline.interval == pytest.approx((0.0, 10 * FRAME))
     with pytest.raises(ToolError, match="reaches outside"):
-        tools.read_trajectory(app, identifier, "striker", interval=[0.0, 1.0])
+        readings.read_trajectory(app, identifier, "striker", interval=[0.0, 1.0])
 
 
 def test_objects_moved_into_each_other_are_warned_of(roll: Callable[..., Answer]) -> None:
@@ -241,7 +241,7 @@ def test_a_truncated_rollout_says_why_and_nothing_is_known_after_it(app: App) ->
     )
     identifier = app.store.rollouts.put(KIND, {"world": world.id, "horizon": END, "engine": "t"}, *content_of(ended)).id
     assert stored_rollout(app, identifier)[2].truncated == ended.truncated
-    timeline = tools.read_timeline(app, identifier)
+    timeline = readings.read_timeline(app, identifier)
     assert timeline.status == "diverged"  # of evidence: what it shows ends before its horizon
     assert "truncated at 0.61 s: no room: nothing after that is known" in timeline.summary
     assert "recorded up to 0.21 s only" in timeline.summary
@@ -253,15 +253,15 @@ def test_a_truncated_rollout_says_why_and_nothing_is_known_after_it(app: App) ->
 @pytest.mark.parametrize(
     ("call", "complaint"),
     [
-        (lambda app, r: tools.read_events(app, r, ["strker"]), "did you mean 'striker'"),
-        (lambda app, r: tools.read_events(app, r, []), "objects is empty"),
+        (lambda app, r: readings.read_events(app, r, ["strker"]), "did you mean 'striker'"),
+        (lambda app, r: readings.read_events(app, r, []), "objects is empty"),
         (
-            lambda app, r: tools.read_timeline(app, r, interval=[0.5, 9.0]),
+            lambda app, r: readings.read_timeline(app, r, interval=[0.5, 9.0]),
             r"0 to 1.2 s \(frames 0 to 60\).*Next: Rollout",
         ),
-        (lambda app, r: tools.read_timeline(app, r, interval=[0.5, 0.1]), "start <= end"),
-        (lambda app, r: tools.read_timeline(app, r, interval=[0, 1], frames=[0, 1]), "not both"),
-        (lambda app, _: tools.read_trajectory(app, "rollout-0000", "striker"), "Next: Rollout"),
+        (lambda app, r: readings.read_timeline(app, r, interval=[0.5, 0.1]), "start <= end"),
+        (lambda app, r: readings.read_timeline(app, r, interval=[0, 1], frames=[0, 1]), "not both"),
+        (lambda app, _: readings.read_trajectory(app, "rollout-0000", "striker"), "Next: Rollout"),
         (lambda app, _: tools.roll_out(app, "discs", horizon_seconds=1e9), "at most 400 s"),
         (lambda app, _: tools.roll_out(app, "discs", horizon_seconds=1.0, horizon_frames=5), "not both"),
         (lambda app, _: tools.roll_out(app, "discs", world="world-0"), "its worlds"),
@@ -359,7 +359,7 @@ def test_landing_is_new_where_the_base_stands(tmp_path: Path) -> None:
     )
     assert stands.data["timeline"] == []
     assert not stands.data["floor_contacts_included"]
-    at_rest, landed = (tools.read_events(app, str(made.rollout)) for made in (stands, lands))
+    at_rest, landed = (readings.read_events(app, str(made.rollout)) for made in (stands, lands))
     assert at_rest.data["events"] == []
     assert "0 events" in at_rest.summary
     assert "without slow touches of the floor (floor=true)" in at_rest.summary
