@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from atw_mcp.calls.version import installed_version
 from atw_mcp.observation.track_records import TrackRecord, at_rate
 from atw_mcp.viewer import document as view
+from atw_mcp.viewer import world_parts
 from atw_mcp.viewer.colors import distinct_colors
 from atw_mcp.viewer.comparisons import comparisons_view
 from atw_mcp.viewer.effects import without_push
@@ -130,7 +131,7 @@ def _of_record(read: CaseRecords, record: TrackRecord, frame: object, blocks: Bl
     return tracks_view(record.id, tracks, blocks, held_out_from=held_out)
 
 
-def _worlds(read: CaseRecords, blocks: Blocks, colors: dict[str, str]) -> list[view.WorldView]:
+def _worlds(read: CaseRecords, blocks: Blocks, colors: dict[str, str]) -> list[world_parts.WorldView]:
     labels = read.world_labels()
     judged = followings(read.store, read.case.id)
     return [

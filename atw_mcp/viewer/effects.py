@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.viewer import document as view
+from atw_mcp.viewer import world_parts
 from atw_mcp.viewer.packing import Blocks
 from polyworld.effects import ABSENCES
 from polyworld.expressions.effect import law_of
@@ -24,11 +25,11 @@ MARGIN = 0.15  # of the longest edge, around what the objects reach
 FLAT = 1e-9  # share of the largest by which the vectors of a uniform field differ
 
 
-def effect_marks(world: World, runs: Sequence[Trajectory], blocks: Blocks) -> list[view.EffectMark]:
+def effect_marks(world: World, runs: Sequence[Trajectory], blocks: Blocks) -> list[world_parts.EffectMark]:
     """Return the effects of a world; runs: its rollouts, whose objects say where a field is of interest."""
     fields = _fields(world, runs, blocks)
     return [
-        view.EffectMark(
+        world_parts.EffectMark(
             name=effect.name,
             kind=effect.kind,
             title=standard_name(effect),
@@ -36,7 +37,7 @@ def effect_marks(world: World, runs: Sequence[Trajectory], blocks: Blocks) -> li
             enabled=effect.enabled,
             objects=None if effect.objects is None else list(effect.objects),
             parameters=[
-                view.Value(name=name, value=effect.parameters.get(name, spec.default), unit=spec.unit)
+                world_parts.Value(name=name, value=effect.parameters.get(name, spec.default), unit=spec.unit)
                 for name, spec in law_of(effect).parameters.items()
             ],
             field=fields.get(effect.name),
@@ -72,11 +73,11 @@ def without_push(world: World) -> list[str]:
     ]
 
 
-def _fields(world: World, runs: Sequence[Trajectory], blocks: Blocks) -> dict[str, view.Field3]:
+def _fields(world: World, runs: Sequence[Trajectory], blocks: Blocks) -> dict[str, world_parts.Field3]:
     """Return, by name, the fields of the enabled effects that push a body at rest, or that change friction."""
     effects = enabled(world)
     points = _grid(world, runs) if effects else np.zeros((0, 3))
-    fields: dict[str, view.Field3] = {}
+    fields: dict[str, world_parts.Field3] = {}
     for k, effect in enumerate(effects):
         if not len(points) or not any(effect.objects is None or n in effect.objects for n in world.moving_names):
             continue
@@ -94,7 +95,7 @@ def _fields(world: World, runs: Sequence[Trajectory], blocks: Blocks) -> dict[st
         largest = float(np.abs(vectors).max(initial=0.0))
         if largest > 0.0:
             uniform = float(np.ptp(vectors, axis=0).max()) <= FLAT * largest
-            fields[effect.name] = view.Field3(
+            fields[effect.name] = world_parts.Field3(
                 points=blocks.floats(points), vectors=blocks.floats(vectors), unit=unit, what=what, uniform=uniform
             )
     return fields

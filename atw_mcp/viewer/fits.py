@@ -9,7 +9,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from atw_mcp.cases.origins import SAMPLE
-from atw_mcp.viewer.document import Curve, FittedParameter, FitView
+from atw_mcp.viewer.fit_parts import Curve, FittedParameter, FitView
 from atw_mcp.viewer.packing import Blocks
 from evidence_store import Evidence, EvidenceStore, RecordDamaged
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from atw_mcp.viewer.document import Chance, Following
+from atw_mcp.viewer.document import Chance
+from atw_mcp.viewer.world_parts import Following
 from evidence_store import EvidenceStore, RecordDamaged, UnknownRecord
 
 RANK = ("good", "doubtful", "poor")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.gap.numbers import GapNumbers, Jump, Residuals
-from atw_mcp.viewer import document as view
+from atw_mcp.viewer import fit_parts
 from atw_mcp.viewer.packing import Blocks
 from atw_mcp.viewer.parts import Block
 from evidence_store import Case, Evidence, EvidenceStore, StoreError
@@ -19,10 +19,10 @@ Array = NDArray[np.float64]
 TOOLS = ("FindDiscrepancy", "ProposeEffects", "AddEffect")
 
 
-def gap_views(store: EvidenceStore, case: Case, blocks: Blocks) -> tuple[list[view.GapView], list[str]]:
+def gap_views(store: EvidenceStore, case: Case, blocks: Blocks) -> tuple[list[fit_parts.GapView], list[str]]:
     """Return the completed steps of a case's gap workflow, oldest first, and sentences about what cannot be shown of
     them."""
-    views: list[view.GapView] = []
+    views: list[fit_parts.GapView] = []
     missing: list[str] = []
     older: list[str] = []
     for head in store.evidence.of_case(case.id):
@@ -54,7 +54,7 @@ def _numbers(store: EvidenceStore, record: Evidence) -> GapNumbers | None:
     return None if numbers is None else GapNumbers.of_record(numbers, content.arrays)
 
 
-def _view(record: Evidence, numbers: GapNumbers, blocks: Blocks) -> view.GapView:
+def _view(record: Evidence, numbers: GapNumbers, blocks: Blocks) -> fit_parts.GapView:
     data = record.payload["data"]
     runs = list(dict.fromkeys(item.run for item in numbers.residuals))
     names = {run: run if len(runs) > 1 else "" for run in runs}
@@ -63,7 +63,7 @@ def _view(record: Evidence, numbers: GapNumbers, blocks: Blocks) -> view.GapView
         groups.setdefault((item.run, item.name, item.kind), []).append(item)
     sealed = data.get("sealed")
     worth = sealed or data.get("fitted_data") or {}
-    return view.GapView(
+    return fit_parts.GapView(
         evidence=record.id,
         tool=record.tool,  # type: ignore[arg-type]  # one of TOOLS
         world=record.world,
@@ -84,7 +84,7 @@ def _view(record: Evidence, numbers: GapNumbers, blocks: Blocks) -> view.GapView
     )
 
 
-def _series(run: str, parts: Sequence[Residuals], blocks: Blocks) -> view.GapSeries:
+def _series(run: str, parts: Sequence[Residuals], blocks: Blocks) -> fit_parts.GapSeries:
     """Join the parts of a run."""
     parts = sorted(parts, key=lambda part: part.times[0])
 
@@ -92,7 +92,7 @@ def _series(run: str, parts: Sequence[Residuals], blocks: Blocks) -> view.GapSer
         return blocks.floats(np.concatenate(list(values)))
 
     with_effect = any(np.isfinite(part.residual_after).any() for part in parts)
-    return view.GapSeries(
+    return fit_parts.GapSeries(
         run=run,
         object=parts[0].name,
         kind=parts[0].kind,  # type: ignore[arg-type]  # of the series of a design
@@ -106,13 +106,13 @@ def _series(run: str, parts: Sequence[Residuals], blocks: Blocks) -> view.GapSer
     )
 
 
-def _shown_jump(run: str, jump: Jump, parts: Sequence[Residuals]) -> view.Jump:
+def _shown_jump(run: str, jump: Jump, parts: Sequence[Residuals]) -> fit_parts.Jump:
     """Return a jump; where a body is along axes that no residual measures is taken from what was observed there."""
     times = np.concatenate([part.times for part in parts])
     observed = np.concatenate([part.observed for part in parts])
     near = observed[int(np.argmin(np.abs(times - jump.time)))]
     place = np.where(np.isfinite(jump.place), jump.place, np.nan_to_num(near))
-    return view.Jump(
+    return fit_parts.Jump(
         run=run,
         object=jump.name,
         time=jump.time,
@@ -138,16 +138,18 @@ def _verdict(tool: str, data: dict[str, Any]) -> str:
     }[data["verdict"]]
 
 
-def _candidates(tool: str, data: dict[str, Any]) -> list[view.Candidate]:
+def _candidates(tool: str, data: dict[str, Any]) -> list[fit_parts.Candidate]:
     """Return what was proposed, the best of another name and the plain laws; or the effect that was added."""
     if tool == "FindDiscrepancy":
         return []
     if tool == "AddEffect":
         title = " + ".join(effect["name"] for effect in data["effects"])
-        return [view.Candidate(title=title, behind=None, explains=data["explains"], values=_values(data["effects"]))]
+        return [
+            fit_parts.Candidate(title=title, behind=None, explains=data["explains"], values=_values(data["effects"]))
+        ]
     others = [] if data["runner_up"] is None else [data["runner_up"]]
     found = {
-        item["title"]: view.Candidate(
+        item["title"]: fit_parts.Candidate(
             title=item["title"], behind=item["behind"], explains=item["explains"], values=_values(item["effects"])
         )
         for item in reversed([*data["proposals"], *others, *data["plain_laws"]])
@@ -155,10 +157,10 @@ def _candidates(tool: str, data: dict[str, Any]) -> list[view.Candidate]:
     return sorted(found.values(), key=lambda c: np.inf if c.behind is None else c.behind)
 
 
-def _values(effects: Sequence[dict[str, Any]]) -> list[view.FittedParameter]:
+def _values(effects: Sequence[dict[str, Any]]) -> list[fit_parts.FittedParameter]:
     several = len(effects) > 1
     return [
-        view.FittedParameter(
+        fit_parts.FittedParameter(
             name=f"{effect['name']} {name}" if several else name,
             value=number["value"],
             unit=number["unit"],

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from atw_mcp.probing.readouts import reported_events
 from atw_mcp.viewer import document as view
+from atw_mcp.viewer import world_parts
 from atw_mcp.viewer.effects import pushes_view
 from atw_mcp.viewer.misfits import misfits_view
 from atw_mcp.viewer.packing import Blocks
@@ -63,7 +64,7 @@ def rollout_view(
         spins=blocks.floats(run.angular_velocities),
         active=blocks.raw(run.active),
         deformed=[
-            view.Deformed(name=name, points=blocks.floats(rounded(shown_points(world, run, name))))
+            world_parts.Deformed(name=name, points=blocks.floats(rounded(shown_points(world, run, name))))
             for name in run.deformables
         ],
         quantities=quantities_view(world, run, blocks),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 
-from atw_mcp.viewer.document import Curve, Running
+from atw_mcp.viewer.document import Running
+from atw_mcp.viewer.fit_parts import Curve
 from evidence_store import EvidenceStore, Job, StoreError
 
 LEFT = re.compile(r", about ([\d.]+) (s|min|h|days) left$")

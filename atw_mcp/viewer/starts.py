@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from atw_mcp.viewer import document as view
+from atw_mcp.viewer import world_parts
 from atw_mcp.viewer.packing import Blocks
 from atw_mcp.viewer.rollouts import shown_points
 from polyworld.model import mesh_of
@@ -14,17 +14,17 @@ from polyworld.trajectory import PointMotion, Trajectory
 from polyworld.world import World
 
 
-def start_view(world: World, blocks: Blocks) -> view.Start:
+def start_view(world: World, blocks: Blocks) -> world_parts.Start:
     """Return all objects where they begin, those too that join later; NaN where a world does not say where that is."""
     start = start_of(world, [item.name for item in world.deformables])
-    return view.Start(
+    return world_parts.Start(
         names=list(start.names),
         times=blocks.floats(start.times),
         positions=blocks.floats(start.positions),
         orientations=blocks.floats(start.orientations),
         active=blocks.raw(start.active),
         deformed=[
-            view.Deformed(name=name, points=blocks.floats(shown_points(world, start, name)))
+            world_parts.Deformed(name=name, points=blocks.floats(shown_points(world, start, name)))
             for name in start.deformables
         ],
     )

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from atw_mcp.viewer import document as view
-from atw_mcp.viewer import parts
+from atw_mcp.viewer import parts, world_parts
 from atw_mcp.viewer.colors import hex_color
 from atw_mcp.viewer.effects import effect_marks
 from atw_mcp.viewer.packing import Blocks
@@ -28,7 +27,7 @@ from polyworld.world.parameters import object_mass, parameter_paths, read_parame
 from polyworld.world.representations.attachment import Attachment
 from polyworld.world.representations.joint import Hinge, Slider, Spring
 
-KINDS: dict[Form, view.MovingKind] = {"line": "rope", "sheet": "cloth", "solid": "soft", "liquid": "fluid"}
+KINDS: dict[Form, world_parts.MovingKind] = {"line": "rope", "sheet": "cloth", "solid": "soft", "liquid": "fluid"}
 
 
 def world_view(
@@ -41,12 +40,12 @@ def world_view(
     parent: str | None,
     committed: bool,
     runs: Sequence[Trajectory] = (),
-    follows: view.Following | None = None,
-) -> view.WorldView:
+    follows: world_parts.Following | None = None,
+) -> world_parts.WorldView:
     """Return a world; colors: of its moving objects, by name; runs: of it, whose objects say where fields are shown;
     follows: how well it follows the data that it was fitted to."""
     camera = world.camera
-    return view.WorldView(
+    return world_parts.WorldView(
         id=world.id,
         label=label,
         origin=origin,
@@ -57,10 +56,10 @@ def world_view(
         seconds_per_frame=world.time.seconds_per_frame,
         frame_count=world.time.frame_count,
         gravity=list(world.environment.gravity),
-        camera=None if camera is None else view.CameraView.model_validate(camera.model_dump(mode="json")),
+        camera=None if camera is None else world_parts.CameraView.model_validate(camera.model_dump(mode="json")),
         moving=[
             *(
-                view.Moving(
+                world_parts.Moving(
                     name=item.name,
                     kind="rigid",
                     color=colors[item.name],
@@ -77,7 +76,7 @@ def world_view(
             *(_deformable(world, item, blocks, colors[item.name]) for item in world.deformables),
         ],
         statics=[
-            view.Static(
+            world_parts.Static(
                 name=static.name,
                 color=hex_color(display_color(static.appearance.color or STATIC_COLOR, 0)),
                 shape=shape_view(static.shape, blocks),
@@ -95,7 +94,7 @@ def world_view(
     )
 
 
-def _deformable(world: World, item: Deformable, blocks: Blocks, color: str) -> view.Moving:
+def _deformable(world: World, item: Deformable, blocks: Blocks, color: str) -> world_parts.Moving:
     mesh, kind = mesh_of(world, item), KINDS[material_of(item).form]
     radius, segments, triangles = None, None, None
     if kind == "rope":
@@ -108,7 +107,7 @@ def _deformable(world: World, item: Deformable, blocks: Blocks, color: str) -> v
         radius = world.fluid_grid.cell / 4.0  # two particles lie along the edge of a cell
     else:
         triangles = blocks.integers(mesh.triangles)
-    return view.Moving(
+    return world_parts.Moving(
         name=item.name,
         kind=kind,
         color=color,
@@ -126,7 +125,7 @@ def _line_points(world: World, name: str) -> int:
     return int(rope_line(world, start_of(world, [name]), name).shape[-2])
 
 
-def _joints(world: World) -> list[view.JointMark]:
+def _joints(world: World) -> list[world_parts.JointMark]:
     normal = geometry.plane_axes(world.environment.motion_plane)[2]
     marks = []
     for joint in world.joints:
@@ -134,7 +133,7 @@ def _joints(world: World) -> list[view.JointMark]:
         if isinstance(joint, Hinge) and world.planar:
             axis = normal.tolist()
         marks.append(
-            view.JointMark(
+            world_parts.JointMark(
                 name=joint.name,
                 kind=joint.kind,
                 object=joint.object,
@@ -149,7 +148,7 @@ def _joints(world: World) -> list[view.JointMark]:
         nodes = held_nodes(world, held)
         places = mesh_of(world, world.deformable(held.object)).nodes[nodes]
         marks.append(
-            view.JointMark(
+            world_parts.JointMark(
                 name=held.name,
                 kind="attachment",
                 object=held.object,
@@ -163,7 +162,7 @@ def _joints(world: World) -> list[view.JointMark]:
         )
     for pulley in world.pulleys:
         marks.append(
-            view.JointMark(
+            world_parts.JointMark(
                 name=pulley.name,
                 kind="pulley",
                 object=pulley.rope,
@@ -187,7 +186,7 @@ def _held_points(world: World, held: Attachment, nodes: list[int]) -> list[int]:
     return [0 if node == 0 else count - 1 for node in nodes if node in (0, last)]
 
 
-def _regions(world: World) -> list[view.Region]:
+def _regions(world: World) -> list[world_parts.Region]:
     found: list[tuple[str, str, Any, Any]] = []
     grid = world.fluid_grid
     if grid is not None:
@@ -197,11 +196,11 @@ def _regions(world: World) -> list[view.Region]:
         found.append((emitter.name, "emitter", centre - emitter.radius, centre + emitter.radius))
     found += [(drain.name, "drain", drain.lower, drain.upper) for drain in world.drains]
     boxes = [
-        view.Region(name=name, kind=kind, lower=np.asarray(lower).tolist(), upper=np.asarray(upper).tolist())
+        world_parts.Region(name=name, kind=kind, lower=np.asarray(lower).tolist(), upper=np.asarray(upper).tolist())
         for name, kind, lower, upper in found
     ]
     carried = [
-        view.Region(name=c.name, kind="container", lower=list(c.lower), upper=list(c.upper), object=c.object)
+        world_parts.Region(name=c.name, kind="container", lower=list(c.lower), upper=list(c.upper), object=c.object)
         for c in world.containers
     ]
     return boxes + carried
@@ -216,7 +215,7 @@ def _floor(world: World) -> parts.Plane | None:
     return parts.Plane(normal=normal, offset=float(np.dot(normal, plane.point)))
 
 
-def _parameters(world: World) -> list[view.Value]:
+def _parameters(world: World) -> list[world_parts.Value]:
     """Return all parameters that have a value, but those of the start."""
     found = []
     for path, spec in parameter_paths(world).items():
@@ -227,7 +226,7 @@ def _parameters(world: World) -> list[view.Value]:
         value = read_parameter(world, path)
         if value is not None:
             short = rest if part in ("objects", "joints", "effects", "pulleys", "emitters", "statics") else path
-            found.append(view.Value(name=short, value=value, unit=spec.unit))
+            found.append(world_parts.Value(name=short, value=value, unit=spec.unit))
     return found
 
 

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import lognorm, norm
 
-from atw_mcp.viewer.document import FittedParameter, FitView
+from atw_mcp.viewer.fit_parts import FittedParameter, FitView
 from atw_mcp.viewer.fits import fit_views
 from atw_mcp.viewer.packing import Blocks
 from evidence_store import Evidence, EvidenceStore

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from atw_mcp.viewer.case_document import case_document
-from atw_mcp.viewer.document import GapView
+from atw_mcp.viewer.fit_parts import GapView
 from atw_mcp.viewer.gaps import gap_views
 from atw_mcp.viewer.packing import Blocks, packed
 from atw_mcp.viewer.page import page

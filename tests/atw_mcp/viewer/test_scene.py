@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from atw_mcp.viewer import document as view
-from atw_mcp.viewer import parts
+from atw_mcp.viewer import parts, world_parts
 from atw_mcp.viewer.packing import Blocks, packed
 from atw_mcp.viewer.page import page
 from polyworld.world.camera import Camera
@@ -39,8 +39,8 @@ CAMERA = Camera.model_validate(
 )
 
 
-def _world(identifier: str, names: list[str]) -> view.WorldView:
-    return view.WorldView(
+def _world(identifier: str, names: list[str]) -> world_parts.WorldView:
+    return world_parts.WorldView(
         id=identifier,
         label=identifier,
         origin="given",
@@ -50,9 +50,9 @@ def _world(identifier: str, names: list[str]) -> view.WorldView:
         seconds_per_frame=STEP / 2,
         frame_count=3,
         gravity=[0.0, 0.0, -9.81],
-        camera=view.CameraView.model_validate(CAMERA.model_dump(mode="json")),
+        camera=world_parts.CameraView.model_validate(CAMERA.model_dump(mode="json")),
         moving=[
-            view.Moving(
+            world_parts.Moving(
                 name=name,
                 kind="rigid",
                 color="#d55e00",

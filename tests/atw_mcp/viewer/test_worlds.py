@@ -12,8 +12,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from atw_mcp.viewer import document as view
-from atw_mcp.viewer import parts
+from atw_mcp.viewer import parts, world_parts
 from atw_mcp.viewer.packing import Blocks
 from atw_mcp.viewer.rollouts import rollout_view
 from atw_mcp.viewer.shapes import shape_view
@@ -42,7 +41,7 @@ class Seen:
         kind, count = np.dtype(block.dtype), int(np.prod(block.shape))
         return np.frombuffer(self.blocks.joined(), kind, count, block.offset).reshape(block.shape)
 
-    def moving(self, name: str) -> view.Moving:
+    def moving(self, name: str) -> world_parts.Moving:
         return next(m for m in self.world.moving if m.name == name)
 
     def part(self, name: str) -> Any:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.viewer import document as view
-from atw_mcp.viewer import parts
+from atw_mcp.viewer import parts, world_parts
 from atw_mcp.viewer.packing import Blocks, packed
 from atw_mcp.viewer.page import page
 
@@ -40,9 +40,9 @@ REST = view.EventMark(kind="rest", time=2.5, participants=["red_ball"], position
 LATER = contact(2.125, 0.5, "red_ball", "floor")
 
 
-def _world(identifier: str, label: str, names: list[str]) -> view.WorldView:
+def _world(identifier: str, label: str, names: list[str]) -> world_parts.WorldView:
     moving = [
-        view.Moving(
+        world_parts.Moving(
             name=name,
             kind="rigid",
             color=color,
@@ -55,7 +55,7 @@ def _world(identifier: str, label: str, names: list[str]) -> view.WorldView:
         )
         for name, color in zip(names, ["#d55e00", "#0072b2"], strict=False)
     ]
-    return view.WorldView(
+    return world_parts.WorldView(
         id=identifier,
         label=label,
         origin="built",
