@@ -13,13 +13,12 @@ from polyworld.model import DeformableMesh
 from polyworld.solver.coupled import contact_layout as layout
 from polyworld.solver.coupled.assembly import write_in_place
 from polyworld.solver.coupled.contact_bodies import CarriedBodies, carried_arrays
+from polyworld.solver.coupled.contact_bounds import bound_objects, near_parts
 from polyworld.solver.coupled.contact_events import DeformableContactLog
 from polyworld.solver.coupled.contact_obstacles import build_obstacles, build_surface, excluded_bodies, no_obstacles
 from polyworld.solver.coupled.contact_search import (
     BLOCK,
-    bound_objects,
     keep_acting,
-    near_parts,
     recall_acting,
     search_corners,
     search_edges,

@@ -10,15 +10,9 @@ from polyworld.core import buffers
 from polyworld.model import DeformableMesh
 from polyworld.solver.coupled.contact_layout import Bounds, Found, Surface
 from polyworld.solver.coupled.nodes import Clock, Nodes
+from polyworld.solver.coupled.pair_contacts import take_pairs
 from polyworld.solver.coupled.surface_grid import make_grid
-from polyworld.solver.coupled.surface_pairs import (
-    Pairs,
-    list_crossings,
-    list_faces,
-    list_sides,
-    sort_surfaces,
-    take_pairs,
-)
+from polyworld.solver.coupled.surface_pairs import Pairs, list_crossings, list_faces, list_sides, sort_surfaces
 from polyworld.world import World
 from polyworld.world.materials import material_of
 

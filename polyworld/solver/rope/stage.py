@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.model.rope import Threading, threading, unit_axis
 from polyworld.solver.coupled.mechanism import Mechanisms, groups
 from polyworld.solver.coupled.needs import Need
 from polyworld.solver.coupled.nodes import Clock, Fields, Nodes, parameter_row
-from polyworld.solver.rope import bending, curve, pace, passing, stretch, twist
+from polyworld.solver.rope import bending, curve, pace, passing, stretch, tensions, twist
 from polyworld.solver.rope.ends import hold_ends
+from polyworld.solver.rope.fields import ROPE_FIELDS, WHEEL_FIELDS, Array, chain_curvature, float_row, mass_of, offsets
 from polyworld.solver.rope.frames import across, curvatures, parallel_angle, reference_frames
 from polyworld.solver.rope.layout import NO_BODY, Ropes, RopeState, Wheel
 from polyworld.solver.spatial.layout import Body
@@ -23,22 +23,6 @@ from polyworld.world import World, geometry
 from polyworld.world.representations.attachment import Attachment
 from polyworld.world.representations.rope import Rope
 
-Array = NDArray[np.float64]
-
-ROPE_FIELDS = (
-    "linear_density",
-    "stretch_stiffness",
-    "bending_stiffness",
-    "twist_stiffness",
-    "stretch_damping",
-    "bending_damping",
-)
-WHEEL_FIELDS = {
-    "wheel_friction": "friction",
-    "bearing_friction": "bearing_friction",
-    "bearing_damping": "bearing_damping",
-    "wheel_inertia": "inertia",
-}
 SHARED_SWEEPS = 10  # over the ropes of a world, where a body is held by more than one of their links
 SWING = 3.0  # tension of a pendulum that falls from the horizontal, over its weight
 SAFETY = 0.6  # of the longest stable step
@@ -77,10 +61,10 @@ class RopeStage:
         ropes = Ropes()
         ropes.first_node = buffers.ints([nodes_first[r.name] for r in self.items])
         ropes.nodes = buffers.ints([len(t.nodes) for t in self.threads])
-        ropes.first_link = buffers.ints(_starts([len(t.rest) for t in self.threads]))
-        ropes.first_wheel = buffers.ints(_starts([len(t.pulleys) for t in self.threads]))
+        ropes.first_link = buffers.ints(offsets([len(t.rest) for t in self.threads]))
+        ropes.first_wheel = buffers.ints(offsets([len(t.pulleys) for t in self.threads]))
         ropes.wheels = buffers.ints([len(t.pulleys) for t in self.threads])
-        ropes.segment_length = _floats([t.segment_length for t in self.threads])
+        ropes.segment_length = float_row([t.segment_length for t in self.threads])
         ends = [self._ends(rope, thread, indices) for rope, thread in zip(self.items, self.threads, strict=True)]
         ropes.end_body = buffers.array([[e["body"] for e in pair] for pair in ends], wp.int32)
         ropes.clamped = buffers.array([[e["clamped"] for e in pair] for pair in ends], wp.int32)
@@ -99,7 +83,7 @@ class RopeStage:
             centres.append(centre)
             axes.append(axis)
         angles = [parallel_angle(t.nodes, e[0]["held"], e[1]["held"]) for t, e in zip(self.threads, ends, strict=True)]
-        ropes.twist_at_start = _floats(angles)
+        ropes.twist_at_start = float_row(angles)
         ropes.curved = buffers.ints([int(r.curved_at_rest) for r in self.items])
         self._frames = [
             reference_frames(t.nodes, e[0]["held"]) if rope.curved_at_rest else (np.zeros((len(t.rest), 3)),) * 2
@@ -110,13 +94,13 @@ class RopeStage:
         ropes.wheel_body = buffers.ints(carriers)
         ropes.wheel_centre = buffers.array(np.array(centres).reshape(-1, 3), wp.vec3d)
         ropes.wheel_axis = buffers.array(np.array(axes).reshape(-1, 3), wp.vec3d)
-        ropes.wheel_radius = _floats([p.radius for p in pulleys])
+        ropes.wheel_radius = float_row([p.radius for p in pulleys])
         ropes.wheel_fixed = buffers.ints([int(p.fixed_wheel) for p in pulleys])
         met = [self._times_met(k, ends, carriers) for k in range(count)]
         shares = [[met[k].get(e["body"], 1) for e in pair] for k, pair in enumerate(ends)]
         ropes.end_share = buffers.array(np.array(shares, dtype=float), wp.float64)
         owners = [k for k, thread in enumerate(self.threads) for _ in thread.pulleys]
-        ropes.wheel_share = _floats([met[k].get(b, 1) for k, b in zip(owners, carriers, strict=True)])
+        ropes.wheel_share = float_row([met[k].get(b, 1) for k, b in zip(owners, carriers, strict=True)])
         return ropes
 
     def _ends(self, rope: Rope, thread: Threading, indices: Mapping[str, int]) -> list[dict[str, Any]]:
@@ -321,7 +305,7 @@ class RopeStage:
         A load of mass M that a slack rope stops from the speed v makes v sqrt(M EA/L).
         """
         gravity = float(np.linalg.norm(self.world.environment.gravity))
-        load = sum(_mass(self.world, name) for name in self._loads(rope))
+        load = sum(mass_of(self.world, name) for name in self._loads(rope))
         length = float(thread.rest.sum())
         weight = SWING * (load + f["linear_density"] * length) * gravity
         chord = np.linalg.norm(np.diff(thread.nodes, axis=0), axis=1).mean()
@@ -366,8 +350,8 @@ class RopeStage:
 
     def launch_positions(self, nodes: Nodes, clock: Clock) -> None:
         """See `MaterialStage.launch_positions`."""
-        tensions = [self._state.tension, self._state.mean_tension]
-        buffers.launch(stretch.average_tensions, self._state.tension.shape, [clock, *tensions])
+        averaged = [self._state.tension, self._state.mean_tension]
+        buffers.launch(tensions.average_tensions, self._state.tension.shape, [clock, *averaged])
         if self._state.wheels.shape[1] > 0:
             self._launch(passing.pass_wheels, nodes, clock)
 
@@ -394,7 +378,7 @@ class RopeStage:
                     values[w] = total / np.maximum(np.bincount(segment, minlength=rope.segments), 1)
             begin = int(buffers.read(self._ropes.first_node)[r])
             points = buffers.read(nodes.x)[:, begin : begin + len(thread.nodes)]
-            found[rope.name] = {"tension": values, "curvature": _curvature(points, thread.segment_length)}
+            found[rope.name] = {"tension": values, "curvature": chain_curvature(points, thread.segment_length)}
         return found
 
     @property
@@ -405,26 +389,3 @@ class RopeStage:
     def _launch(self, kernel: Any, nodes: Nodes, clock: Clock) -> None:
         inputs = [clock, nodes, self._ropes, self._state]
         buffers.launch(kernel, (self.n_worlds, len(self.items)), inputs)
-
-
-def _mass(world: World, name: str) -> float:
-    item = world.object(name)
-    return item.mass if item.mass is not None else item.density * geometry.mass_properties(item.shape).volume
-
-
-def _curvature(points: Array, length: float) -> Array:
-    """Curvature (W, k - 2) at the inner nodes of chains of points (W, k, 3) [1/m]."""
-    t = np.diff(points, axis=1)
-    t = t / np.maximum(np.linalg.norm(t, axis=2, keepdims=True), 1e-300)
-    sine = np.linalg.norm(np.cross(t[:, :-1], t[:, 1:]), axis=2)
-    cosine = (t[:, :-1] * t[:, 1:]).sum(axis=2)
-    curvature: Array = 2.0 * sine / (1.0 + np.maximum(cosine, -0.999)) / length
-    return curvature
-
-
-def _starts(counts: list[int]) -> list[int]:
-    return [0, *np.cumsum(counts)[:-1].tolist()] if counts else []
-
-
-def _floats(values: Sequence[float]) -> Any:
-    return buffers.array(np.asarray(values, dtype=np.float64), wp.float64)
