@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from polyworld.probing.closest_approach import ClosestApproach, closest_approach
+from polyworld.probing.crossings import Interval, clipped, first_crossing, where_positive
 from polyworld.probing.margins import passing_offset, state_margin, why_unknown
 from polyworld.probing.point_approach import point_gaps
 from polyworld.probing.predicates import (
@@ -32,9 +32,7 @@ from polyworld.trajectory import Rollout, Trajectory
 from polyworld.trajectory.events import rest_events
 from polyworld.world import World
 
-Array = NDArray[np.float64]
 Aggregation = Literal["any", "all", "first", "last", "count", "fraction"]
-Interval = tuple[float, float]
 
 # Statements that need no place of an object's centre: there may be none of a fluid.
 _PLACELESS = Occupies | Holds | InContact | Collides | PassesBefore | ReachesBefore
@@ -172,7 +170,7 @@ def _decided(
         return _order(rollout.trajectory, predicate, covered, asked)
     if isinstance(predicate, ComesToRest):
         rests = [e for e in rest_events(world, rollout.trajectory) if e.participants == (predicate.object,)]
-        holds = _clipped([(e.time, e.time) for e in rests], covered)
+        holds = clipped([(e.time, e.time) for e in rests], covered)
         return _aggregate(aggregation, holds, covered, asked, {"comes_to_rest_at_s": [time for time, _ in holds]})
     if isinstance(predicate, InContact | Collides):
         wet = _wet(rollout.trajectory, world, predicate, covered)
@@ -278,7 +276,7 @@ def _contacts(
     spans, used = _touching(rollout, set(names_in(predicate)))
     if isinstance(predicate, Collides):
         spans = [(a, a) for a, _ in spans if covered[0] <= a <= covered[1]]
-    return _clipped(spans, covered), {"events": used}
+    return clipped(spans, covered), {"events": used}
 
 
 def _wet(
@@ -301,7 +299,7 @@ def _wet(
         return f"how near {fluid!r} comes to {other!r} is not known: it is a mesh without a closed form"
     margin = WET * world.fluid_grid.cell - np.where(np.isfinite(gaps), gaps, np.inf)
     margin = np.maximum(margin, -1e6)  # far away: there is none of it
-    spans = _where_positive(trajectory.times, margin, covered)
+    spans = where_positive(trajectory.times, margin, covered)
     if isinstance(predicate, Collides):
         spans = tuple((a, a) for a, _ in spans)
     return spans, {"touches_within_m": WET * world.fluid_grid.cell}
@@ -323,12 +321,6 @@ def _touching(rollout: Rollout, wanted: set[str]) -> tuple[list[Interval], list[
     return spans + [(since, rollout.horizon) for since in open_since.values()], used
 
 
-def _clipped(spans: list[Interval], covered: Interval) -> tuple[Interval, ...]:
-    return tuple(
-        sorted((max(a, covered[0]), min(b, covered[1])) for a, b in spans if a <= covered[1] and b >= covered[0])
-    )
-
-
 def _approach(
     rollout: Rollout, world: World, predicate: InContact | Collides | NearerThan | WithinDistance, covered: Interval
 ) -> dict[str, Any] | None:
@@ -337,7 +329,7 @@ def _approach(
     others = [predicate.b] if predicate.b is not None else [*starts, *(s.name for s in world.statics)]
     found: list[ClosestApproach] = []
     for other in others:
-        touches = _clipped(_touching(rollout, {predicate.a, other})[0], covered)
+        touches = clipped(_touching(rollout, {predicate.a, other})[0], covered)
         start = max(covered[0], starts.get(other, 0.0))
         if other == predicate.a:
             continue
@@ -379,28 +371,7 @@ def _states(
     m = np.interp(grid, times, margin)
     least, greatest = int(np.argmin(m)), int(np.argmax(m))
     extremes, moments = (float(m[least]), float(m[greatest])), (float(grid[least]), float(grid[greatest]))
-    return _where_positive(times, margin, covered), evidence, extremes, moments, state.unit
-
-
-def _where_positive(times: Array, margin: Array, covered: Interval) -> tuple[Interval, ...]:
-    """Intervals of the covered stretch in which a margin (T,) is positive, on the straight line between samples."""
-    inner = (times > covered[0]) & (times < covered[1])
-    grid = np.unique(np.concatenate([[covered[0]], times[inner], [covered[1]]]))
-    m = np.interp(grid, times, margin)
-    holds: list[Interval] = []
-    since: float | None = float(grid[0]) if m[0] > 0 else None
-    for k in range(1, len(grid)):
-        if (m[k] > 0) == (m[k - 1] > 0):
-            continue
-        crossing = float(grid[k - 1] + m[k - 1] / (m[k - 1] - m[k]) * (grid[k] - grid[k - 1]))
-        if since is None:
-            since = crossing
-        else:
-            holds.append((since, crossing))
-            since = None
-    if since is not None:
-        holds.append((since, float(grid[-1])))
-    return tuple(holds)
+    return where_positive(times, margin, covered), evidence, extremes, moments, state.unit
 
 
 def _order(
@@ -410,7 +381,7 @@ def _order(
     for name in (predicate.a, predicate.b):
         offset = passing_offset(trajectory, predicate, name, covered)
         inside = isinstance(predicate, ReachesBefore) and bool(np.interp(covered[0], trajectory.times, offset) > 0.0)
-        passed[name] = covered[0] if inside else _first_crossing(trajectory.times, offset, covered)
+        passed[name] = covered[0] if inside else first_crossing(trajectory.times, offset, covered)
     evidence = {"passes_at_s": passed}
     a, b = passed[predicate.a], passed[predicate.b]
     if a is None and b is None:
@@ -423,15 +394,3 @@ def _order(
     assert first is not None
     lead = None if a is None or b is None else b - a
     return QueryResult(value, True, None, ((first, first),), covered, evidence, margin=lead, margin_unit="s")
-
-
-def _first_crossing(times: Array, offset: Array, covered: Interval) -> float | None:
-    inner = times[(times > covered[0]) & (times < covered[1])]
-    grid = np.unique(np.concatenate([[covered[0]], inner, [covered[1]]]))
-    value = np.interp(grid, times, offset)
-    for k in range(1, len(grid)):
-        if value[k - 1] == 0.0:
-            return float(grid[k - 1])
-        if value[k - 1] * value[k] < 0:
-            return float(grid[k - 1] + value[k - 1] / (value[k - 1] - value[k]) * (grid[k] - grid[k - 1]))
-    return None
