@@ -33,7 +33,8 @@ class KnownScene:
     """Camera, plane of motion, solids by name, and corners (n, 3) [m] of convex solids that may hide them.
 
     off_plane: names of solids that are not on the plane, and are followed in the image. floor: z [m] of a level floor
-    that ends an upright plane below, None where none is known.
+    that ends an upright plane below, None where none is known. across: names of cylinders whose axis is along the
+    normal of an upright plane.
     """
 
     camera: Camera
@@ -42,6 +43,7 @@ class KnownScene:
     fixtures: tuple[Corners, ...] = ()
     off_plane: frozenset[str] = frozenset()
     floor: float | None = None
+    across: frozenset[str] = frozenset()
 
     def body(self, name: str) -> Solid:
         """Return a solid as a body with a silhouette."""
@@ -54,13 +56,16 @@ class KnownScene:
         if isinstance(solid, Sphere) and self.plane.supports and plane_axes(self.plane)[2, 2] > LEVEL:
             corners = {str(k): np.array(c) for k, c in enumerate(self.fixtures)}
             faces = tuple(surfaces_of(self.plane.point[2], corners)[1:])
-        return Solid(name, solid.kind, half, self.camera, self.plane, faces=faces, floor=self.floor)
+        found = Solid(name, solid.kind, half, self.camera, self.plane, faces=faces, floor=self.floor)
+        return replace(found, lies=True) if found.upright and name in self.across else found
 
     def renamed(self, old: str, new: str) -> KnownScene:
         """Return the scene with another name of a solid."""
         solids = {new if name == old else name: solid for name, solid in self.solids.items()}
-        off = frozenset(new if name == old else name for name in self.off_plane)
-        return replace(self, solids=solids, off_plane=off)
+        off, across = (
+            frozenset(new if name == old else name for name in names) for names in (self.off_plane, self.across)
+        )
+        return replace(self, solids=solids, off_plane=off, across=across)
 
     def hiding(self, shape: tuple[int, int]) -> NDArray[np.float32] | None:
         """Distance along the camera's axis (H, W) [m] of the nearest fixture, FAR where there is none."""
@@ -78,6 +83,7 @@ class KnownScene:
             "fixtures": [[list(corner) for corner in corners] for corners in self.fixtures],
             "off_plane": sorted(self.off_plane),
             "floor": self.floor,
+            "across": sorted(self.across),
         }
 
     @classmethod
@@ -90,6 +96,7 @@ class KnownScene:
             tuple(tuple((float(x), float(y), float(z)) for x, y, z in corners) for corners in data["fixtures"]),
             frozenset(data["off_plane"]),
             data["floor"],
+            frozenset(data["across"]),
         )
 
 

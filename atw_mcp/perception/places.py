@@ -65,11 +65,11 @@ def places_of(track: Track, systematic: float) -> Places:
     positions, sigma = np.full((count, 3), np.nan), np.full(count, np.nan)
     orientations, turn_sigma = np.full((count, 4), np.nan), np.full(count, np.inf)
     axes = plane_axes(body.plane)
-    rest = Rotation.identity() if body.upright else Rotation.from_matrix(axes.T)
-    if body.lies:
+    rest = Rotation.identity() if body.upright and not body.lies else Rotation.from_matrix(axes.T)
+    if body.lies and not body.upright:
         rest = rest * ON_ITS_SIDE
     turns = len(body.angles()) > 1
-    tilted = abs(axes[2, 2]) < 1 - 1e-6 and not body.upright
+    tilted = abs(axes[2, 2]) < 1 - 1e-6 and (body.lies or not body.upright)
     angles = _continuous(track.poses[:, 2], np.pi / 2 if _order(body) == 4 else np.pi)
     for k in np.flatnonzero(np.isfinite(track.poses[:, 0])):
         pose, covariance = track.poses[k], track.covariances[k]

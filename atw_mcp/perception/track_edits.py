@@ -142,9 +142,11 @@ class TrackEdits:
             for c in self.constraints
         ]
         if self.scene is not None and name in self.scene.solids:
-            off = self.scene.off_plane | ({new} if name in self.scene.off_plane else set())
+            off, across = (
+                names | ({new} if name in names else set()) for names in (self.scene.off_plane, self.scene.across)
+            )
             solids = {**self.scene.solids, new: self.scene.solids[name]}
-            self.scene = replace(self.scene, solids=solids, off_plane=off)
+            self.scene = replace(self.scene, solids=solids, off_plane=off, across=across)
         for part in (name, new):
             self._seed_from_mask(part)
         earlier = set(self.observation.frames) - later

@@ -27,6 +27,9 @@ class KnownObject(Argument):
 
     name: Name = Field(description="what it is to be called, e.g. red_ball; colour and shape in the name are hints")
     shape: ShapeArgument | None = Field(default=None, description="shape and size; default: as its outline looks")
+    across: bool = Field(
+        default=False, description="a cylinder in a side view: its axis is across the motion plane, seen as a disc"
+    )
     color: str | None = Field(default=None, max_length=32, description="e.g. red")
     material: str | None = Field(default=None, max_length=32, description="e.g. metal, rubber")
     mass: float | None = Field(default=None, gt=0, le=1e9, description="[kg]; not fitted if given")
@@ -40,7 +43,12 @@ class KnownObject(Argument):
 
 
 def known_of(app: App, case: Case, item: KnownObject) -> Known:
-    """Return what an argument says of an object, as matching and perception take it."""
+    """Return what an argument says of an object, as matching and perception take it.
+
+    Raises ValueError where something else than a cylinder is said to be across.
+    """
+    if item.across and (item.shape is None or item.shape.kind != "cylinder"):
+        raise ValueError(f"{item.name}: across says how a cylinder lies: give shape of kind cylinder, or leave it out")
     shape = None if item.shape is None else item.shape.to_shape(partial(mesh_of, app, case))
     pixel = None if item.pixel is None else (item.pixel[0], item.pixel[1])
     return Known(item.name, shape, item.color, item.material, pixel, item.frame)

@@ -235,7 +235,8 @@ def _known(app: App, case: Case, path: Path, scene: _Scene, stride: int, patienc
         bodies, solids = bodies_of([known_of(app, case, item) for item in items])
         fixtures = corners_of([s for item in obstacles for s in item.to_statics(partial(mesh_of, app, case))])
         plane = scene.plane or motion_plane_of(app, case, scene.floor or 0.0)
-        about = KnownScene(camera, plane, solids, fixtures, floor=scene.floor)
+        across = frozenset(item.name for item in items if item.across)
+        about = KnownScene(camera, plane, solids, fixtures, floor=scene.floor, across=across)
 
     def look(progress: Progress) -> ImageObservation:
         return observe_known(

@@ -171,21 +171,12 @@ def _known(scene: Key) -> dict[str, Any]:
             {"part": "fluid", "name": "water", "density": water["density"], "volumes": [volume]},
             {"part": "fluid_grid", **grid},
         ]
-        deep = water["tank"]["y"][1] - water["tank"]["y"][0]
-        found["objects"] = [_seen_from_side(body, deep) for body in objects]
+        found["objects"] = [o | {"across": True} if o["shape"]["kind"] == "cylinder" else o for o in objects]
     if build:
         found["build"] = build
     if known["side_view"] or "soft" in known:
         found |= {"motion_plane": {"point": [0, 0, 0], "normal": [0, -1, 0]}, "floor": known["floor_height"]}
     return found
-
-
-def _seen_from_side(body: Key, deep: float) -> Key:
-    """Return a body of a tank; a roller, seen along its axis, as a ball of the same mass per metre of depth."""
-    shape, mass = body["shape"], body["mass"]
-    if shape["kind"] == "cylinder":
-        shape, mass = {"kind": "sphere", "radius": shape["radius"]}, mass / deep * 4 / 3 * shape["radius"]
-    return {**body, "shape": shape, "mass": mass}
 
 
 def pulley(scene: Key, places: dict[str, list[float]]) -> dict[str, Any]:

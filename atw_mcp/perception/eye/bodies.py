@@ -67,7 +67,7 @@ class Solid:
     half (3,): half extents along its own axes [m]. On a plane that supports it, as a floor, it stands with its own z
     along the normal, or lies with it along the plane's x at angle 0; height is the rise of its lowest point, unknown
     only with `rises`. In an upright plane that does not, as of a side view, its centre is in the plane and its own z
-    along the plane's y. faces: of fixed solids, on which a sphere over them rolls in place of a level plane. floor: z
+    along the plane's y, or lies with it along the normal. faces: of fixed solids, on which a sphere over them rolls in place of a level plane. floor: z
     [m] below which no centre in an upright plane is.
     """
 
@@ -131,9 +131,9 @@ class Solid:
             )
         flat = CIRCLE if self.kind == "cylinder" else np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
         own = np.concatenate([np.c_[flat, np.full(len(flat), z)] for z in (-1.0, 1.0)]) * self.half
-        if self.upright:  # own y points away along the normal
+        if self.upright and not self.lies:  # own y points away along the normal
             own = own[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
-        elif self.lies:
+        elif self.lies and not self.upright:
             own = own[:, [2, 1, 0]] * [1.0, 1.0, -1.0]
         cosine, sine = np.cos(pose[2]), np.sin(pose[2])
         turned = own @ np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
@@ -198,7 +198,7 @@ class Solid:
         """Angles from which a search begins; one where the silhouette does not show it."""
         if self.kind == "box":
             return [0.0, np.pi / 8, np.pi / 4, 3 * np.pi / 8]
-        turns = self.kind == "cylinder" and (self.upright or self.lies)
+        turns = self.kind == "cylinder" and self.upright != self.lies
         return [0.0, np.pi / 4, np.pi / 2, 3 * np.pi / 4] if turns else [0.0]
 
 
