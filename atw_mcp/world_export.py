@@ -12,7 +12,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from numpy.typing import NDArray
 
 from atw_mcp.calls.app import App
-from atw_mcp.probing.ensembles import MEMBERS, Ensemble, compute_ensemble
+from atw_mcp.probing.ensembles import Ensemble, compute_ensemble, most_members
 from atw_mcp.probing.prediction_errors import travelled_since
 from atw_mcp.probing.rollout_view import RolloutView, case_tracks
 from atw_mcp.worlds.rollouts import compute_rollout
@@ -51,7 +51,8 @@ def export_motion(app: App, case: str, file: Path, until: float | None = None) -
     tracks = None if record is None else record.tracks
     band, missing = None, ""
     try:
-        band = interval(compute_ensemble(app, found, world, rollout.horizon, None, MEMBERS), rollout.trajectory)
+        members = compute_ensemble(app, found, world, rollout.horizon, None, most_members(app, found, world))
+        band = interval(members, rollout.trajectory)
     except (ToolError, ValueError) as error:  # never fitted, or a sample too large or too wild to be run
         missing = str(error)
     if file.suffix != ".csv":

@@ -117,6 +117,11 @@ def lineage(app: App, case: Case, world: World) -> Lineage:
     )
 
 
+def most_members(app: App, case: Case, world: World) -> int:
+    """Return how many members the posterior sample of a world has; raises ToolError where there is none."""
+    return len(lineage(app, case, world).sample.arrays["values"])
+
+
 def compute_ensemble(
     app: App,
     case: Case,
@@ -132,6 +137,11 @@ def compute_ensemble(
     made in a member.
     """
     descent = lineage(app, case, world)
+    kept = most_members(app, case, world)
+    if kept < count:
+        raise ToolError(
+            f"ensemble={count}: the fit kept {kept} members, its rollouts being costly: ask for {kept} at most"
+        )
     most = int(MAX_POINT_SAMPLES // max(cost(world, horizon).point_samples, 1)) if world.deformables else count
     if most < count:
         raise ToolError(

@@ -19,7 +19,7 @@ from atw_mcp.calls.results import Answer, explained
 from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.probing.asking import answered, brief, disagree, in_words
 from atw_mcp.probing.candidates import counts, mixture, weights
-from atw_mcp.probing.ensembles import LEAST, MEMBERS, Ensemble, compute_ensemble, lineage
+from atw_mcp.probing.ensembles import LEAST, MEMBERS, Ensemble, compute_ensemble, lineage, most_members
 from atw_mcp.probing.questions import AGGREGATIONS, SCANNED, Asked, HowFar, Question, scanned
 from atw_mcp.results.asking import AnswersToAll
 from atw_mcp.tools.experimentation import PATIENCE, CaseId, read_edits
@@ -28,6 +28,7 @@ from atw_mcp.worlds.rollouts import checked_horizon, compute_rollout, evidence_s
 from atw_mcp.worlds.sizes import check_additions, check_sizes
 from evidence_store import Case
 from polyworld.edits.interventions import branch
+from polyworld.solver.work import affordable, work_of
 from polyworld.trajectory import Rollout
 from polyworld.world import World
 
@@ -41,6 +42,7 @@ EXAMPLE = {
     "edits": [{"action": "remove", "object": "green"}],
 }
 MOST = 32  # answers in one call
+WORK = 3e7  # of the members of a call with deformable objects, see `polyworld.solver.work`: most of a minute of a core
 
 
 @dataclass(frozen=True)
@@ -85,9 +87,9 @@ def ask(
 ) -> LongWork:
     """Answer several questions at once: whether, when, how often, which first, where, how fast, how far, each of the
     world as it is or with edits made before the start. Worlds with equal edits are run once. Every question is asked of
-    the best fit and of 64 worlds that the data allow: a probability, or a median with 80 and 95% intervals that include
-    the model's own error, the parameter that decides the answer or that it goes with, and whether any frame shows that
-    parameter. Each answer is evidence of its own and names the rollout to look at closer with ReadEvents,
+    the best fit and of 64 worlds that the data allow (with deformable objects fewer, at least 16): a probability, or a
+    median with 80 and 95% intervals that include the model's own error, the parameter that decides the answer or that
+    it goes with, and whether any frame shows that parameter. Each answer is evidence of its own and names the rollout to look at closer with ReadEvents,
     ReadTrajectory, QueryWorld, CompareWorlds and InspectRollout."""
     if worlds is None:
         found, committed = app.case_to_probe(case, "Ask")
@@ -98,7 +100,6 @@ def ask(
     for one_base in bases:
         lineage(app, found, one_base)  # refused before any work
     named, shares = bases, weights(app, found, bases)
-    sizes = counts(shares, MEMBERS)
     order = [int(k) for k in np.argsort(-shares, kind="stable")]
     bases = tuple(bases[k] for k in order)
     base = bases[0]
@@ -132,10 +133,15 @@ def ask(
             if changed.id != parent.id:
                 app.keep_world(found, changed, how="intervention", parent=parent, detail={"edits": list(plan.edits)})
 
+    kept = min(most_members(app, found, one) for one in bases)
+    works = [work_of(changed, horizon) for plan in plans.values() for changed in plan.worlds]
+    members = affordable(works, WORK * len(bases), min(kept, MEMBERS))
+    sizes = counts(shares, members)
+
     def work(progress: Progress) -> Answer:
         rows: dict[int, dict[str, Any]] = {}
         for done, plan in enumerate(plans.values()):
-            message = f"running {MEMBERS} worlds for {horizon:g} s, {done + 1} of {len(plans)}"
+            message = f"running {members} worlds for {horizon:g} s, {done + 1} of {len(plans)}"
 
             def report(share: float, done: int = done, message: str = message) -> None:
                 progress.report(done + share, len(plans), message)
@@ -152,13 +158,13 @@ def ask(
                     alone = _by_world(app, bases, [shares[k] for k in order], plan, parts, read[i], horizon)
                     rows[i] = _answer(app, found, plan, rollout, best, read[i], ensemble, alone, questions[i])
         weighed = None if worlds is None else {named[k].id: float(shares[k]) for k in range(len(named))}
-        return _together(found, base, [rows[i] for i in range(len(read))], horizon, observed, weighed)
+        return _together(found, base, [rows[i] for i in range(len(read))], horizon, observed, weighed, members)
 
     return LongWork(
         f"ask {' '.join(w.id for w in named)} {horizon} {json.dumps(questions, sort_keys=True, default=str)}",
         work,
         Answer(
-            summary=f"asking {len(read)} questions of {MEMBERS} worlds over {horizon:g} s, {len(plans)} sets of edits",
+            summary=f"asking {len(read)} questions of {members} worlds over {horizon:g} s, {len(plans)} sets of edits",
             data={},
             case=found.id,
             world=base.id,
@@ -285,10 +291,13 @@ def _together(
     horizon: float,
     observed: float,
     weighed: dict[str, float] | None,
+    members: int,
 ) -> Answer:
-    whole: dict[str, Any] = {"members": MEMBERS, "until": horizon, "observed_until": observed}
+    whole: dict[str, Any] = {"members": members, "until": horizon, "observed_until": observed}
     whole |= {} if weighed is None else {"weights": weighed}
-    summary = f"{len(rows)} answers of {MEMBERS} worlds that the data allow, run to {horizon:.4g} s"
+    summary = f"{len(rows)} answers of {members} worlds that the data allow, run to {horizon:.4g} s"
+    if members < MEMBERS:
+        summary += f", not {MEMBERS}, since rollouts of deformable objects are costly"
     if observed < horizon:
         summary += f"; after {observed:.4g} s, the last fitted frame, they allow for errors of prediction"
     return Answer(

@@ -35,7 +35,7 @@ from atw_mcp.tools.world_arguments import (
 from atw_mcp.worlds.building import Built, Given, ObservedObject, Scene, build_world
 from atw_mcp.worlds.built_answer import built_answer, place_in_words
 from atw_mcp.worlds.given_worlds import DIVIDING, as_long_work, from_document
-from atw_mcp.worlds.parts import Parts, read_parts
+from atw_mcp.worlds.parts import Parts, longest_step, read_parts
 from atw_mcp.worlds.sizes import check_described, described, takes_long
 from evidence_store import Case
 from polyworld.data.tracks import ObservedTracks
@@ -135,8 +135,8 @@ def build_world_tool(
         Field(
             gt=0,
             le=0.05,
-            description="longest step [s]; default 0.002. Deformable objects take smaller steps inside it as their "
-            "stiffness asks; a fast fluid or thin fast things may need a smaller one",
+            description="longest step [s]; default 0.002, with liquids alone up to 0.004. Deformable objects take smaller "
+            "steps inside it as their stiffness asks; a fast fluid or thin fast things may need a smaller one",
         ),
     ] = None,
     first_frame: Annotated[
@@ -329,7 +329,7 @@ def _build(app: App, case: Case, request: _BuildRequest, found: TrackRecord | No
             {
                 "seconds_per_frame": rate,
                 "frame_count": _frame_count(case, tracks),
-                **({} if request.substep is None else {"substep": request.substep}),
+                **(longest_step(request.parts) if request.substep is None else {"substep": request.substep}),
             }
         ),
         camera=latest_camera(app, case),

@@ -206,7 +206,10 @@ def _looked_for(known: Sequence[Known], items: Sequence[KnownObject]) -> list[di
     shown = [k.pixel is not None or colour_word(k.color or k.name) is not None for k in known]
     if not items or not all(shown) or not all(isinstance(k.shape, Sized) for k in known):
         return None
-    return [item.model_dump(include={"name", "shape", "across", "color", "pixel", "frame"}, exclude_none=True) for item in items]
+    return [
+        item.model_dump(include={"name", "shape", "across", "color", "pixel", "frame"}, exclude_none=True)
+        for item in items
+    ]
 
 
 def _check_steps(app: App, case: Case, request: VideoRequest) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from polyworld.data.initial_states import with_initial_states
 from polyworld.data.tracks import ObservedTracks
 from polyworld.edits.removal import without_pulses
-from polyworld.estimation.accuracy import predicted
+from polyworld.estimation.accuracy import BEYOND, predicted
 from polyworld.estimation.declared import Rolling, constants, with_resistance
 from polyworld.estimation.fit_settings import FitSettings
 from polyworld.estimation.fitted import (
@@ -41,6 +41,7 @@ from polyworld.estimation.study import Study, StudyRun
 from polyworld.estimation.support import supports, with_supports
 from polyworld.estimation.unknown import Unknown, joined
 from polyworld.estimation.whole_run import Through, through
+from polyworld.solver.work import affordable, work_of
 from polyworld.world import World
 from polyworld.world.geometry import circumscribed_radius
 from polyworld.world.shapes import Sphere
@@ -49,6 +50,7 @@ Array = NDArray[np.float64]
 
 Edit = Callable[[list[Unknown]], list[Unknown]]
 COSTLY = SamplingSettings(most=2, draws=32)  # of worlds with deformable bodies, whose rollouts take seconds
+WORK = 1e7  # of the members of a posterior, see `polyworld.solver.work`: a quarter of a minute
 Watch = Callable[[float, str, float], None]
 
 
@@ -198,7 +200,7 @@ class _Fit:
             raise ValueError("nothing to fit: no parameter shows in these tracks, or every one of them was fixed")
         descent = self.settings.descent
         if any(run.world.coupled for run in self.study.runs):
-            descent = replace(descent, step=descent.wide)
+            descent = replace(descent, step=descent.wide, dampings=descent.few, renewed=descent.seldom)
         return Problem(runs, shared, descent)
 
     def _blocks(self, index: int, run: StudyRun, rolling: Rolling, cut: bool) -> list[Block]:
@@ -227,7 +229,7 @@ class _Fit:
         """Sample the posterior, and compare runs with what was measured."""
         problem, minimum = found.problem, found.minimum
         drawn = self._drawn(found)
-        first = self._drawn(early, SamplingSettings(most=4, draws=64)) if early else ()
+        first = self._drawn(early, SamplingSettings(most=4, draws=64), max(BEYOND)) if early else ()
         runs = [self._run(r, run, drawn, first, cuts[r]) for r, run in enumerate(self.study.runs)]
         self.rollouts += problem.rollouts + (early.problem.rollouts if early else 0)
         count = sum(b.size for blocks in problem.runs for b in blocks)
@@ -246,9 +248,11 @@ class _Fit:
             cancelled=self._cancelled is not None and self._cancelled(),
         )
 
-    def _drawn(self, found: Found, sampling: SamplingSettings | None = None) -> Drawn:
-        draws = sampling or (COSTLY if any(r.world.coupled for r in self.study.runs) else SamplingSettings())
-        return drawn_from(found, self.options.members, self.options.seed, draws)
+    def _drawn(self, found: Found, sampling: SamplingSettings | None = None, beyond: float = 0.0) -> Drawn:
+        """Sample a posterior, of which members are rolled out to a time beyond the measurements [s]."""
+        draws = COSTLY if any(r.world.coupled for r in self.study.runs) else sampling or SamplingSettings()
+        works = [work_of(b.world, float(b.times[-1]) + beyond) for run in found.problem.runs for b in run]
+        return drawn_from(found, affordable(works, WORK, self.options.members), self.options.seed, draws)
 
     def _run(self, r: int, run: StudyRun, drawn: Drawn, early: Drawn, cut: int | None) -> FittedRun:
         found, shown = drawn[0][0], self.shown[r]

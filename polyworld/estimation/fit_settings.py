@@ -110,13 +110,18 @@ class DescentSettings:
     chi-square, in squared scales, below which an iteration gains nothing; twice in a row ends a stage. step: share of a
     prior's deviation, or of a state's, by which derivatives are taken; wide: with deformable bodies, whose particles
     and contacts come and go. substep [s]: of spatial worlds while they are fitted: paths over a second then depart by a
-    millimetre or less from those of finer steps.
+    millimetre or less from those of finer steps. renewed: steps after which derivatives are taken by differences
+    again, a secant's until then. few, seldom: dampings and renewed with deformable objects, whose rollouts take a
+    second.
     """
 
     huber: float = 4.0
     same: float = 0.1
     dampings: tuple[float, ...] = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0)
+    few: tuple[float, ...] = (0.1, 1.0, 100.0)
     least: float = 1e-3
+    renewed: int = 1
+    seldom: int = 6
     iterations: int = 25
     rest: float = 0.2
     step: float = 2e-3

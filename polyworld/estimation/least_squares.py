@@ -144,20 +144,23 @@ class Problem:
 
     def normal(self, at: Point, most: float) -> Normal:
         """Linearise at a point."""
+        return self._assembled(at, self.linearised(at, most))
+
+    def _assembled(self, at: Point, slopes: list[Linearised]) -> Normal:
         s, scale = len(self.shared), self.scale
-        found = Normal(np.zeros((s, s)), np.zeros(s), [], [], [], self.linearised(at, most))
+        found = Normal(np.zeros((s, s)), np.zeros(s), [], [], [], slopes)
         inside = np.isfinite(self.prior_sd)
         firm = (scale / self.prior_sd[inside]) ** 2
         found.shared[inside, inside] += firm
         found.gradient[inside] += firm * (at.shared - self.prior_mean)[inside]
-        slopes = iter(found.slopes)
+        each = iter(slopes)
         for r, run in enumerate(self.runs):
             sizes = np.cumsum([0, *(b.states.count for b in run)])
             own, border = np.zeros((sizes[-1], sizes[-1])), np.zeros((sizes[-1], s))
             gradient = np.zeros(sizes[-1])
             for b, block in enumerate(run):
                 where = np.arange(sizes[b], sizes[b + 1])
-                one = next(slopes)
+                one = next(each)
                 pieces = [(1.0, one.residuals, one.shared, one.states, where)]
                 if one.end is not None:
                     end, a, y = one.end
@@ -217,6 +220,33 @@ class Problem:
             found.append(Linearised(one.residuals[0], every[:, :s], every[:, s:], end))
         return found
 
+    def secant(self, normal: Normal, before: Point, at: Point, most: float) -> Normal:
+        """Linearise at a point with the slopes of the one before, corrected along the step between them.
+
+        One rollout a block; Broyden (1965), Math. Comp. 19, 577, with steps in units of what is typical.
+        """
+        blocks = [(b, r, i) for r, run in enumerate(self.runs) for i, b in enumerate(run)]
+        settings = [(b, at.shared[None], at.states[r][i][None]) for b, r, i in blocks]
+        found = []
+        for one, old, (block, r, i) in zip(self.evaluate(settings, most), normal.slopes, blocks, strict=True):
+            change = np.concatenate([at.shared - before.shared, at.states[r][i] - before.states[r][i]])
+            units = np.concatenate([self.typical, block.states.typical]) ** 2
+            along = change / units / max(float(change @ (change / units)), 1e-300)
+            s = len(at.shared)
+
+            def corrected(
+                new: Array, was: Array, by_shared: Array, by_states: Array,
+                change: Array = change, along: Array = along, s: int = s,
+            ) -> tuple[Array, Array, Array]:  # fmt: skip
+                missed = new - was - by_shared @ change[:s] - by_states @ change[s:]
+                return new, by_shared + np.outer(missed, along[:s]), by_states + np.outer(missed, along[s:])
+
+            end = None
+            if one.end is not None and old.end is not None:
+                end = corrected(one.end[0], *old.end)
+            found.append(Linearised(*corrected(one.residuals[0], old.residuals, old.shared, old.states), end))
+        return self._assembled(at, found)
+
     def step(self, normal: Normal, at: Point, damping: float) -> Point:
         """Return the point that a damped Gauss-Newton step leads to, within bounds."""
         shared, gradient = normal.shared + damping * np.diag(np.diag(normal.shared) + 1e-12), normal.gradient.copy()
@@ -254,7 +284,7 @@ class Problem:
         """Minimise from a point over a share of every block's time."""
         cost = float(self.costs([at], most)[0])
         damping, still = 1e-2, 0
-        normal = self.normal(at, most)
+        normal, age = self.normal(at, most), 0
         for _ in range(self.settings.iterations):
             if cancelled is not None and cancelled():
                 break
@@ -262,15 +292,19 @@ class Problem:
             costs = self.costs(trials, most)
             best = int(np.argmin(costs))
             gain = cost - float(costs[best])
+            little, old = gain < self.settings.rest * self.scale**2, age > 0
             if gain > 0.0:
-                at, cost = trials[best], float(costs[best])
+                before, at, cost = at, trials[best], float(costs[best])
                 damping = float(np.clip(damping * self.settings.dampings[best], self.settings.least, 1e4))
-                normal = self.normal(at, most)
+                age = 0 if age + 1 >= self.settings.renewed or (little and old) else age + 1
+                normal = self.secant(normal, before, at, most) if age else self.normal(at, most)
+            elif old:
+                normal, age = self.normal(at, most), 0
             else:
                 damping = min(damping * self.settings.dampings[-1], 1e6)
             if watch is not None:
                 watch(cost)
-            still = still + 1 if gain < self.settings.rest * self.scale**2 else 0
+            still = 0 if not little else still if old else still + 1
             if still >= 2:
                 break
         return Minimum(at, cost, normal, still >= 2, self._misfit(normal))

@@ -10,11 +10,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from polyworld.model import model_of
 from polyworld.solver.rollout import ScheduledSimulator, Simulator, scheduled_simulator, simulator
+from polyworld.solver.work import points_of
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
-from polyworld.world.materials import PLANAR, material_of
 from polyworld.world.parameter_tables import ParameterSpec
 from polyworld.world.parameters import parameter_paths, read_parameter
 
@@ -159,13 +158,9 @@ def roll(jobs: Sequence[Job]) -> list[BatchTrajectory]:
 def most_worlds(world: World, times: Array) -> int:
     """Return of how many worlds one batch of rollouts may keep the motion: at least 1."""
     bytes_of_sample = BYTES_OF_BODY * len(world.moving_names)
-    for item in world.deformables:
-        points = len(model_of(world).mesh(item.name).nodes)
-        if material_of(item).form == "liquid" and world.fluid_grid is not None:  # particles of all are kept together
-            volume = (world.fluid_grid.cell / 2.0) ** (2 if item.representation.endswith(PLANAR) else 3)
-            points = sum(len(model_of(world).mesh(d.name).nodes) for d in world.of_form("liquid"))
-            points += int(sum(e.rate for e in world.emitters) * float(times[-1]) / volume)
-        bytes_of_sample += BYTES_OF_POINT * points
+    if world.deformables:  # particles of all liquids are kept with each of them
+        copies = max(len(world.of_form("liquid")), 1)
+        bytes_of_sample += BYTES_OF_POINT * points_of(world, float(times[-1])) * copies
     return max(MOST_BYTES // max(bytes_of_sample * len(times), 1), 1)
 
 

@@ -67,8 +67,8 @@ class Solid:
     half (3,): half extents along its own axes [m]. On a plane that supports it, as a floor, it stands with its own z
     along the normal, or lies with it along the plane's x at angle 0; height is the rise of its lowest point, unknown
     only with `rises`. In an upright plane that does not, as of a side view, its centre is in the plane and its own z
-    along the plane's y, or lies with it along the normal. faces: of fixed solids, on which a sphere over them rolls in place of a level plane. floor: z
-    [m] below which no centre in an upright plane is.
+    along the plane's y, or along the normal where it lies. faces: of fixed solids, on which a sphere over them rolls in
+    place of a level plane. floor: z [m] below which no centre in an upright plane is.
     """
 
     name: str
