@@ -89,8 +89,8 @@ def ask(
     world as it is or with edits made before the start. Worlds with equal edits are run once. Every question is asked of
     the best fit and of 64 worlds that the data allow (with deformable objects fewer, at least 16): a probability, or a
     median with 80 and 95% intervals that include the model's own error, the parameter that decides the answer or that
-    it goes with, and whether any frame shows that parameter. Each answer is evidence of its own and names the rollout to look at closer with ReadEvents,
-    ReadTrajectory, QueryWorld, CompareWorlds and InspectRollout."""
+    it goes with, and whether any frame shows that parameter. Each answer is evidence of its own and names the rollout
+    to look at closer with ReadEvents, ReadTrajectory, QueryWorld, CompareWorlds and InspectRollout."""
     if worlds is None:
         found, committed = app.case_to_probe(case, "Ask")
         bases: tuple[World, ...] = (committed,)

@@ -135,8 +135,8 @@ def build_world_tool(
         Field(
             gt=0,
             le=0.05,
-            description="longest step [s]; default 0.002, with liquids alone up to 0.004. Deformable objects take smaller "
-            "steps inside it as their stiffness asks; a fast fluid or thin fast things may need a smaller one",
+            description="longest step [s]; default 0.002, with liquids alone up to 0.004. Deformable objects take "
+            "smaller steps inside it as their stiffness asks; a fast fluid or thin fast things may need a smaller one",
         ),
     ] = None,
     first_frame: Annotated[
