@@ -66,6 +66,59 @@ def test_submerged_sphere_feels_archimedes_force(cell: float) -> None:
     assert force == pytest.approx([0.0, 0.0, weight], abs=0.02 * weight)
 
 
+def _push_on_block(left: float, right: float, *, cell: float) -> np.ndarray:
+    """Force (3,) [N/m] on a block held on the floor of a box, 0.3 m high, with water 0.2 m deep up to its sides.
+
+    left, right: how far water reaches on either side, from the block [m].
+    """
+    block = RigidObject(
+        name="block",
+        representation="rigid_planar",
+        shape=Box(half_extents=(0.1, 0.05, 0.15)),
+        position=(0.5, 0.0, 0.15),
+    )
+    pools = [pool("left", (0.4 - left, 0.0), (0.4, 0.2))] if left else []
+    pools += [pool("right", (0.6, 0.0), (0.6 + right, 0.2))] if right else []
+    run = Run(plane_world(*pools, size=(1.0, 0.5), cell=cell, objects=(block,)), step=0.004)
+    mass = 1e9  # it does not move
+    run.bodies.numpy()["inverse_mass"][:] = 1.0 / mass
+    before = run.bodies.numpy()["v"][0, 0].copy()
+    run.run(0.1, held=True)
+    force: np.ndarray = (run.bodies.numpy()["v"][0, 0] - before) * mass / 0.1
+    return force / 0.1  # it is 0.1 m deep
+
+
+@pytest.mark.parametrize("cell", [0.04, 0.025])
+def test_block_on_a_floor_is_lifted_once_water_is_on_both_its_sides(cell: float) -> None:
+    """Archimedes: water on both sides lifts by the weight of what the block displaces but in the lowest half cell, 2%;
+    on one side it presses the block away, by half of rho g h^2, 5%, and lifts by no more than below a cell's width."""
+    pressure = 1000.0 * GRAVITY * 0.2
+    lift = pressure * (0.2 - cell / 2)
+    assert _push_on_block(0.4, 0.4, cell=cell) == pytest.approx([0.0, 0.0, lift], abs=0.02 * lift)
+    thrust = 0.5 * pressure * 0.2
+    push = _push_on_block(0.4, 0.0, cell=cell)
+    assert push[0] == pytest.approx(thrust, rel=0.05)
+    assert 0.0 <= push[2] <= pressure * cell
+
+
+def test_light_block_rises_from_the_floor() -> None:
+    """A block of 0.65 of water's density, flush with the floor, comes up and floats at its draft."""
+    block = RigidObject(
+        name="block",
+        representation="rigid_planar",
+        shape=Box(half_extents=(0.1, 0.05, 0.1)),
+        density=650.0,
+        position=(0.5, 0.0, 0.1),
+    )
+    pools = pool("left", (0.0, 0.0), (0.4, 0.4)), pool("right", (0.6, 0.0), (1.0, 0.4))
+    over = pool("over", (0.4, 0.2), (0.6, 0.4))
+    run = Run(plane_world(*pools, over, size=(1.0, 0.8), cell=0.04, objects=(block,)), step=0.004)
+    run.run(2.0)
+    heights = [float(run.bodies.numpy()["x"][0, 0, 2]) for _ in run.advance(2.0)]
+    level = (0.36 + 0.65 * 0.04) / 1.0
+    assert np.mean(heights) == pytest.approx(level + 0.1 - 0.65 * 0.2, abs=0.015)
+
+
 def test_momentum_passes_between_body_and_fluid_and_none_is_lost() -> None:
     """Without gravity and walls, a moving plate hits a drop at rest: momentum drift below 1e-4 of what there is."""
     plate = RigidObject(

@@ -25,7 +25,8 @@ def add_wrench(grid: Grid, wetted: Wetted, w: int, lane: int, p: wp.array[wp.flo
     """Add force and torque (per metre in a plane) of pressures p on a lane's share of the faces of every body."""
     for m in range(lane, wetted.count[w], grid.lanes):
         e = wetted.touching[w, m]
-        push = grid.area * wetted.cover[w, e] * (p[wetted.lower[w, e]] - p[wetted.upper[w, e]])
+        push = wetted.cover[w, e] * (p[wetted.lower[w, e]] - p[wetted.upper[w, e]])
+        push = grid.area * (push + wetted.through[w, e] * p[wetted.beside[w, e]])
         b = wetted.body[w, e]
         force = wp.vec3d()
         force[wetted.axis[w, e]] = push
@@ -56,7 +57,11 @@ def add_outflow(grid: Grid, wetted: Wetted, w: int, lane: int, y: wp.array[wp.fl
         e = wetted.touching[w, m]
         b = wetted.body[w, e]
         speed = wetted.push[w, b][wetted.axis[w, e]] + wp.dot(wetted.spin[w, b], wetted.arm[w, e])
-        flow = wetted.cover[w, e] * speed / grid.cell
+        speed /= grid.cell
+        flow = wetted.cover[w, e] * speed
+        beside = wetted.beside[w, e]
+        if beside < none:
+            wp.atomic_add(y, beside, wetted.through[w, e] * speed)
         low = wetted.lower[w, e]
         high = wetted.upper[w, e]
         if low < none:

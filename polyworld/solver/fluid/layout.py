@@ -152,8 +152,9 @@ class Solids:
 class Wetted:
     """Faces that rigid bodies cover, found[w] of (W, E): what pressure pushes on.
 
-    touching (W, E): count[w] of them that have an unknown on either side. lower, upper: rows of the cells on both
-    sides. cover: covered fraction. arm: offset from the centre of mass crossed with the axis. force, torque (W, n): of
+    touching (W, E): count[w] of them that have an unknown on either side, or on both ends of a thin gap. lower, upper:
+    rows of the cells on both sides. cover: covered fraction. beside, through: of a gap, in which pressure is linear,
+    row of the far end and what pressure there pushes on, negative from above; else none and 0. arm: offset from the centre of mass crossed with the axis. force, torque (W, n): of
     the pressure, per metre in a plane; push, spin: what they do to the velocities. forecast, forecast_torque: mean
     force and torque over the last coupling step; predicted_push, predicted_spin: changes predicted, and applied in
     advance. full (W,): 1 where there were more faces than `capacity`.
@@ -169,6 +170,8 @@ class Wetted:
     lower: wp.array2d[wp.int32]
     upper: wp.array2d[wp.int32]
     cover: wp.array2d[wp.float64]
+    beside: wp.array2d[wp.int32]
+    through: wp.array2d[wp.float64]
     arm: wp.array2d[wp.vec3d]
     force: wp.array2d[wp.vec3d]  # (W, n)
     torque: wp.array2d[wp.vec3d]

@@ -8,7 +8,7 @@ import warp as wp
 
 from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, System, Tension, Wetted
-from polyworld.solver.fluid.stencil import ONE, ZERO, gather, stencil
+from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, gather, stencil
 
 wp.set_module_options(OPTIONS)
 
@@ -27,7 +27,7 @@ def surface_pressure(tension: Tension, w: int, inner: int, outer: int, gap: wp.f
 
 @wp.kernel
 def number_unknowns(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
-    """Give the liquid's cells rows of the equations."""
+    """Give the liquid's cells rows of the equations: those with an open face that liquid is near."""
     w, lane = wp.tid()
     if pace.dt[w] <= ZERO:
         return
@@ -44,12 +44,13 @@ def number_unknowns(grid: Grid, fields: Fields, system: System, pace: Pace) -> N
                 if fields.level[w, c] >= ZERO:
                     fields.pressure[w, c] = ZERO
                     continue
-                widest = wp.float64(0.0)
+                linked = wp.int32(0)
                 for a in range(3):
-                    if grid.wide[a] == 1:
-                        widest = wp.max(widest, fields.open[w, a, c])
-                        widest = wp.max(widest, fields.open[w, a, c + grid.stride[a]])
-                if widest > OPEN:
+                    for side in range(2):
+                        face = c + side * grid.stride[a]
+                        if grid.wide[a] == 1 and fields.open[w, a, face] > OPEN and fields.bulk[w, a, face] > ZERO:
+                            linked = 1
+                if linked == 1:
                     row = wp.atomic_add(system.n, w, 1)
                     if row < system.rows:
                         system.cell[w, row] = c
@@ -123,22 +124,98 @@ def build_pressure(grid: Grid, fields: Fields, system: System, tension: Tension,
         system.diagonal[w, none] = ONE
 
 
+@wp.struct
+class Gap:
+    """Rows of the liquid at both ends of a gap, -1 where there is none, and how far along it a cell is, 0 to 1."""
+
+    first: int
+    last: int
+    share: wp.float64
+
+
+@wp.func(inline=False)
+def _ends_of_gap(grid: Grid, fields: Fields, w: int, cell: int, axis: int, behind: int) -> Gap:
+    """Find the liquid at both ends of the gap between a body and a wall, in a cell that the body fills.
+
+    behind: the face of the cell that a wall shuts, if one does. Where a body stands on a floor no cell is left for
+    water, but its roughness leaves room for pressure to pass: once liquid is on both sides, the body is not sealed to
+    the floor, and Archimedes' force acts. In space, across the narrower way.
+    """
+    found = Gap()
+    found.first = -1
+    if fields.static_open[axis, behind] > OPEN or fields.room[w, cell] >= HALF:
+        return found
+    nearest = wp.int32(0)
+    nyz = grid.count[1] * grid.count[2]
+    for a in range(3):
+        if a == axis or grid.wide[a] == 0:
+            continue
+        index = (cell // nyz) * wp.where(a == 0, 1, 0)
+        if a == 1:
+            index = (cell // grid.count[2]) % grid.count[1]
+        if a == 2:
+            index = cell % grid.count[2]
+        first = _end_of_gap(grid, fields, w, cell, index, a, -1)
+        last = _end_of_gap(grid, fields, w, cell, index, a, 1)
+        if first == 0 or last == 0 or (nearest > 0 and first + last >= nearest):
+            continue
+        nearest = first + last
+        found.first = fields.unknown[w, cell - first * grid.stride[a]]
+        found.last = fields.unknown[w, cell + last * grid.stride[a]]
+        found.share = wp.float64(first) / wp.float64(nearest)
+    return found
+
+
+@wp.func(inline=False)
+def _end_of_gap(grid: Grid, fields: Fields, w: int, cell: int, index: int, axis: int, step: int) -> int:
+    """Return how many cells away along an axis a gap ends in liquid, 0 where it does not."""
+    far = wp.int32(1)
+    while index + far * step > fields.window[w, axis] and index + far * step + 1 < fields.window[w, 3 + axis]:
+        c = cell + far * step * grid.stride[axis]
+        if fields.unknown[w, c] >= 0:
+            return far
+        if fields.room[w, c] >= HALF:
+            return 0
+        far += 1
+    return 0
+
+
 @wp.kernel
 def list_touching(grid: Grid, fields: Fields, system: System, wetted: Wetted, pace: Pace) -> None:
-    """List the covered faces with an unknown on either side, and the rows beside them."""
+    """List the covered faces with an unknown on either side, or at both ends of a gap, and the rows beside them."""
     w, lane = wp.tid()
     if pace.dt[w] <= ZERO:
         return
+    none = system.rows
     for e in range(lane, wp.min(wetted.found[w], wetted.capacity), grid.lanes):
         c = wetted.face[w, e]
+        a = wetted.axis[w, e]
         high = fields.unknown[w, c]
-        low = fields.unknown[w, c - grid.stride[wetted.axis[w, e]]]
+        low = fields.unknown[w, c - grid.stride[a]]
+        wetted.beside[w, e] = none
+        wetted.through[w, e] = ZERO
         if high < 0 and low < 0:
-            continue
+            below = _ends_of_gap(grid, fields, w, c - grid.stride[a], a, c - grid.stride[a])
+            above = _ends_of_gap(grid, fields, w, c, a, c + grid.stride[a])
+            gap = below
+            sign = wp.float64(1.0)
+            if below.first < 0:
+                gap = above
+                sign = wp.float64(-1.0)
+            if gap.first < 0:
+                continue
+            cover = wetted.cover[w, e]
+            wetted.cover[w, e] = cover * (ONE - gap.share)
+            wetted.beside[w, e] = gap.last
+            wetted.through[w, e] = sign * cover * gap.share
+            if below.first >= 0:
+                low = gap.first
+            else:
+                high = gap.first
         if high < 0:
-            high = system.rows
+            high = none
         if low < 0:
-            low = system.rows
+            low = none
         wetted.lower[w, e] = low
         wetted.upper[w, e] = high
         wetted.touching[w, wp.atomic_add(wetted.count, w, 1)] = e

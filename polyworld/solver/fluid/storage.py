@@ -114,9 +114,10 @@ def wetted_arrays(solids: layout.Solids, worlds: int, capacity: int) -> layout.W
     wet = layout.Wetted()
     wet.capacity = capacity
     wet.found, wet.count, wet.full = (zeros((w,), wp.int32) for _ in range(3))
-    for name in ("lower", "upper", "body", "axis", "face", "touching"):
+    for name in ("lower", "upper", "body", "axis", "face", "touching", "beside"):
         setattr(wet, name, zeros((w, capacity), wp.int32))
-    wet.cover, wet.arm = zeros((w, capacity), wp.float64), zeros((w, capacity), wp.vec3d)
+    wet.cover, wet.through = zeros((w, capacity), wp.float64), zeros((w, capacity), wp.float64)
+    wet.arm = zeros((w, capacity), wp.vec3d)
     for name in ("force", "torque", "push", "spin", "forecast", "forecast_torque", "predicted_push", "predicted_spin"):
         setattr(wet, name, zeros((w, n), wp.vec3d))
     return wet
