@@ -7,7 +7,7 @@ B^T M^-1 B, with B the pressures' wrench on it, so that bodies of any lightness 
 import warp as wp
 
 from polyworld.solver.fluid.layout import OPTIONS, Grid, Pace, Solids, Wetted
-from polyworld.solver.fluid.stencil import ZERO
+from polyworld.solver.fluid.stencil import ONE, ZERO
 from polyworld.solver.spatial.layout import Body
 
 wp.set_module_options(OPTIONS)
@@ -129,15 +129,30 @@ def bump_bodies(grid: Grid, solids: Solids, wetted: Wetted, bodies: wp.array2d[B
             bodies[w, b].w = bodies[w, b].w + wetted.spin[w, b]
 
 
+@wp.func
+def _lasting(now: wp.vec3d, before: wp.vec3d) -> wp.vec3d:
+    """Return what two coupling steps have in common of a force or torque, along the later one.
+
+    Where a body in a liquid collides, the liquid answers by a blow of its own. That is over by the next step: if it
+    were predicted, the contact would return it as if the body had struck once more, and the body would rebound too far.
+    """
+    square = wp.dot(now, now)
+    if square <= ZERO:
+        return wp.vec3d()
+    return now * wp.clamp(wp.dot(now, before) / square, ZERO, ONE)
+
+
 @wp.kernel
 def apply_prediction(
     grid: Grid, solids: Solids, wetted: Wetted, bodies: wp.array2d[Body], h: wp.array[wp.float64]
 ) -> None:
-    """Apply the fluid's impulse of the last coupling step to bodies, so that joints and contacts can resist it."""
+    """Apply the fluid's lasting push to bodies, so that joints and contacts can resist it."""
     w = wp.tid()
     for b in range(solids.bodies):
-        wetted.force[w, b] = wetted.forecast[w, b]
-        wetted.torque[w, b] = wetted.forecast_torque[w, b]
+        wetted.force[w, b] = _lasting(wetted.forecast[w, b], wetted.before[w, b])
+        wetted.torque[w, b] = _lasting(wetted.forecast_torque[w, b], wetted.torque_before[w, b])
+        wetted.before[w, b] = wetted.forecast[w, b]
+        wetted.torque_before[w, b] = wetted.forecast_torque[w, b]
     respond(grid, solids, bodies, wetted, w, h[w])
     for b in range(solids.bodies):
         if bodies[w, b].active == 1:

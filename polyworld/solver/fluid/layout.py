@@ -152,12 +152,13 @@ class Solids:
 class Wetted:
     """Faces that rigid bodies cover, found[w] of (W, E): what pressure pushes on.
 
-    touching (W, E): count[w] of them that have an unknown on either side, or on both ends of a thin gap. lower, upper:
+    touching (W, E): count[w] of them that have an unknown on either side, or at both ends of a thin gap. lower, upper:
     rows of the cells on both sides. cover: covered fraction. beside, through: of a gap, in which pressure is linear,
-    row of the far end and what pressure there pushes on, negative from above; else none and 0. arm: offset from the centre of mass crossed with the axis. force, torque (W, n): of
-    the pressure, per metre in a plane; push, spin: what they do to the velocities. forecast, forecast_torque: mean
-    force and torque over the last coupling step; predicted_push, predicted_spin: changes predicted, and applied in
-    advance. full (W,): 1 where there were more faces than `capacity`.
+    row of the far end and what pressure there pushes on, negative from above; else none and 0. arm: offset from the
+    centre of mass crossed with the axis. force, torque (W, n): of the pressure, per metre in a plane; push, spin: what
+    they do to the velocities. forecast, forecast_torque: mean force and torque over the last coupling step; before,
+    torque_before: over the one before it; predicted_push, predicted_spin: changes predicted, and applied in advance.
+    full (W,): 1 where there were more faces than `capacity`.
     """
 
     found: wp.array[wp.int32]
@@ -179,6 +180,8 @@ class Wetted:
     spin: wp.array2d[wp.vec3d]
     forecast: wp.array2d[wp.vec3d]
     forecast_torque: wp.array2d[wp.vec3d]
+    before: wp.array2d[wp.vec3d]
+    torque_before: wp.array2d[wp.vec3d]
     predicted_push: wp.array2d[wp.vec3d]
     predicted_spin: wp.array2d[wp.vec3d]
     capacity: int

@@ -129,6 +129,8 @@ class FluidSolver:
         arrays: list[Any] = [
             wet.forecast,
             wet.forecast_torque,
+            wet.before,
+            wet.torque_before,
             wet.predicted_push,
             wet.predicted_spin,
             wet.full,

@@ -118,7 +118,8 @@ def wetted_arrays(solids: layout.Solids, worlds: int, capacity: int) -> layout.W
         setattr(wet, name, zeros((w, capacity), wp.int32))
     wet.cover, wet.through = zeros((w, capacity), wp.float64), zeros((w, capacity), wp.float64)
     wet.arm = zeros((w, capacity), wp.vec3d)
-    for name in ("force", "torque", "push", "spin", "forecast", "forecast_torque", "predicted_push", "predicted_spin"):
+    by_body = ("force", "torque", "push", "spin", "predicted_push", "predicted_spin")
+    for name in (*by_body, "forecast", "forecast_torque", "before", "torque_before"):
         setattr(wet, name, zeros((w, n), wp.vec3d))
     return wet
 
