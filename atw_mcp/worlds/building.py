@@ -162,6 +162,10 @@ def build_world(
     for name in [*names, *described]:
         own = given.get(name, Given())
         place = states[name].position if name in states and name in names else np.asarray(own.position)
+        if name in names and tracks.symmetry[tracks.index(name)] == 0 and states[name].orientation is not None:
+            # Seen to lie across the plane: its turn about the normal is not seen, where its axis points is.
+            axis = tuple(float(v) for v in np.asarray(states[name].orientation))
+            own = replace(own, orientation=own.orientation or axis)
         bodies.append(_body(name, shapes[name], seen.get(name), own, kind, scene, place, tracked=name in names))
     plane = scene.motion_plane
     if plane is None:

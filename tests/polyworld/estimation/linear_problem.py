@@ -75,6 +75,7 @@ class LinearProblem(Problem):
         seed: int = 0,
         scale: float = 1.0,
         state_prior: float = np.inf,
+        renewed: int = 1,
     ) -> None:
         rng, self.laws, self.ends = np.random.default_rng(seed), {}, {}
         s, blocks = len(unknowns), []
@@ -93,7 +94,7 @@ class LinearProblem(Problem):
             for before, after in itertools.pairwise(run):
                 before.after = after
             blocks.append(run)
-        super().__init__(blocks, unknowns, DescentSettings(huber=huber, iterations=60, rest=1e-10))
+        super().__init__(blocks, unknowns, DescentSettings(huber=huber, iterations=60, rest=1e-10, renewed=renewed))
 
     def evaluate(
         self,
