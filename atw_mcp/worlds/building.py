@@ -15,7 +15,7 @@ from atw_mcp.worlds.parts import Parts, read_part
 from atw_mcp.worlds.representation_choice import Chosen, Representation, choose, with_axes_across
 from atw_mcp.worlds.sizes import check_sizes
 from atw_mcp.worlds.warnings import attachment_warnings, fluid_warnings, without_covering_walls
-from polyworld.data.initial_states import initial_states, with_initial_states
+from polyworld.data.initial_states import InitialState, initial_states, with_initial_states
 from polyworld.data.tracks import ObservedTracks
 from polyworld.estimation.support import with_supports
 from polyworld.model.notes import model_notes
@@ -162,10 +162,8 @@ def build_world(
     for name in [*names, *described]:
         own = given.get(name, Given())
         place = states[name].position if name in states and name in names else np.asarray(own.position)
-        if name in names and tracks.symmetry[tracks.index(name)] == 0 and states[name].orientation is not None:
-            # Seen to lie across the plane: its turn about the normal is not seen, where its axis points is.
-            axis = tuple(float(v) for v in np.asarray(states[name].orientation))
-            own = replace(own, orientation=own.orientation or axis)
+        if name in names and scene.motion_plane is not None and _upright(scene.motion_plane):
+            own = replace(own, orientation=own.orientation or _lying_across(tracks, name, states[name]))
         bodies.append(_body(name, shapes[name], seen.get(name), own, kind, scene, place, tracked=name in names))
     plane = scene.motion_plane
     if plane is None:
@@ -340,6 +338,14 @@ def _compound_half_height(shape: Compound) -> float:
     sideways = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # z is the second axis of the outline
     outline, radius = planar_outline(shape, np.eye(3), sideways)
     return radius - float(outline[:, 1].min())
+
+
+def _lying_across(tracks: ObservedTracks, name: str, state: InitialState) -> tuple[float, float, float, float] | None:
+    """Return the orientation of what looks the same at any angle about an upright plane's normal, where it is seen."""
+    if state.orientation is None or tracks.symmetry[tracks.index(name)] != 0:
+        return None
+    w, x, y, z = (float(v) for v in state.orientation)
+    return w, x, y, z
 
 
 def _body(

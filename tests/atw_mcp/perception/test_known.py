@@ -402,15 +402,15 @@ def test_cylinder_is_seen_to_stand_or_to_lie(tmp_path: Path, lies: bool, half: f
 
 
 def test_cylinder_across_a_side_view_is_followed_as_the_disc_that_it_shows(tmp_path: Path) -> None:
-    """A roller 0.1 m in radius and 0.4 m long, whose axis is along the view: places in the plane through its middle, and
-    an axis across the plane in every frame."""
+    """A roller of 0.1 m in radius and 0.4 m long, whose axis is along the view: places in the plane through its middle,
+    and an axis across the plane in every frame."""
     path, x, camera = tmp_path / "clip.avi", np.linspace(-0.5, 0.3, 16), side_camera()
     roller, angle = Cylinder(radius=0.1, half_height=0.2), np.linspace(0.0, 2 * np.pi, 40, endpoint=False)
     own = np.concatenate([np.c_[0.1 * np.cos(angle), np.full(40, y), 0.1 * np.sin(angle)] for y in (-0.2, 0.2)])
     frames = []
     for place in x:
         frame = np.full((HEIGHT, WIDTH, 3), GREY, dtype=float)
-        hull = cv2.convexHull((camera.project(own + [place, 0.0, 0.1]) * 16).astype(np.float32))
+        hull = cv2.convexHull((camera.project(own + np.array([place, 0.0, 0.1])) * 16).astype(np.float32))
         cv2.fillConvexPoly(frame, hull.round().astype(np.int32), (150, 60, 20), cv2.LINE_AA, 4)
         frames.append(frame)
     write(path, frames)

@@ -10,7 +10,7 @@ from tests.polyworld.solver.fluid.scenes import plane_world, pool
 
 
 def test_work_is_points_and_cells_times_steps() -> None:
-    """Water of 0.4 m by 0.2 m in cells of 0.02 m has 800 particles, two along an edge; its box 1 m by 0.5 m 1250 cells."""
+    """Water of 0.4 m by 0.2 m in cells of 0.02 m has 800 particles, two along an edge; its box has 1250 cells."""
     world = plane_world(pool("water", (0, 0), (0.4, 0.2)), size=(1, 0.5), cell=0.02).with_substep(0.004)
     assert work_of(world, 0.8) == pytest.approx((800 + 1250) * 200)
     assert work_of(World(), 0.8) == 0.0
