@@ -404,7 +404,8 @@ def test_cylinder_is_seen_to_stand_or_to_lie(tmp_path: Path, lies: bool, half: f
 def test_cylinder_across_a_side_view_is_followed_as_the_disc_that_it_shows(tmp_path: Path) -> None:
     """A roller of 0.1 m in radius and 0.4 m long, whose axis is along the view: places in the plane through its middle,
     and an axis across the plane in every frame."""
-    path, x, camera = tmp_path / "clip.avi", np.linspace(-0.5, 0.3, 16), side_camera()
+    path, x = tmp_path / "clip.avi", np.linspace(-0.5, 0.3, 16)
+    camera = Camera.model_validate(side_camera().model_dump(warnings=False))
     roller, angle = Cylinder(radius=0.1, half_height=0.2), np.linspace(0.0, 2 * np.pi, 40, endpoint=False)
     own = np.concatenate([np.c_[0.1 * np.cos(angle), np.full(40, y), 0.1 * np.sin(angle)] for y in (-0.2, 0.2)])
     frames = []
