@@ -27,6 +27,9 @@ def ends(folder: Path, arguments: dict[str, Any], places: dict[str, list[float]]
     session, path = Session(folder / "atw.db"), write_tracks(folder / "slide.csv")
     session("OpenCase", data=str(path), name="scene")
     objects = [{**item, "position": places[item["name"]]} for item in arguments["objects"]]
+    for item in objects:
+        if item.pop("across", False):  # its axis, z of its own, along y
+            item["orientation"] = [math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0]
     facts = {name: arguments[name] for name in ("motion_plane", "floor", "seconds_per_frame")}
     built = session("BuildWorld", case="scene", only=[], objects=objects, **facts, **arguments["build"])
     session("CommitWorld", case="scene", world=built["data"]["world"])
