@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 
 from atw_mcp.perception.naming import SYNONYMS
 from atw_mcp.perception.observation import ObservedObject
-from atw_mcp.perception.tracks import SolidEstimate
+from atw_mcp.perception.sizes import SolidEstimate
 from polyworld.world.camera import Camera
 from polyworld.world.geometry import equivalent_radius
 from polyworld.world.shapes import BodyShape, Box, Capsule, Cylinder, Sphere

@@ -179,7 +179,8 @@ def described(
             continue
         sure: Floats = np.where(made.area > 0, track.confidence, 0.0).round(4)
         status = tuple(_status(s, c) for s, c in zip(made.status, sure, strict=True))
-        places = places_of(track, scene.settings.systematic) if isinstance(track.body, eye.Solid) else None
+        body = track.body
+        places = places_of(body, track.poses, track.covariances) if isinstance(body, eye.Solid) else None
         objects[name] = replace(made, name=name, status=status, confidence=sure, places=places)
     return objects
 

@@ -48,15 +48,11 @@ class KnownScene:
     def body(self, name: str) -> Solid:
         """Return a solid as a body with a silhouette."""
         solid = self.solids[name]
-        if isinstance(solid, Box):
-            half = solid.half_extents
-        else:
-            half = (solid.radius, solid.radius, solid.radius if isinstance(solid, Sphere) else solid.half_height)
         faces: tuple[Surface, ...] = ()
         if isinstance(solid, Sphere) and self.plane.supports and plane_axes(self.plane)[2, 2] > LEVEL:
             corners = {str(k): np.array(c) for k, c in enumerate(self.fixtures)}
             faces = tuple(surfaces_of(self.plane.point[2], corners)[1:])
-        found = Solid(name, solid.kind, half, self.camera, self.plane, faces=faces, floor=self.floor)
+        found = replace(solid_body(name, solid, self.camera, self.plane), faces=faces, floor=self.floor)
         return replace(found, lies=True) if found.upright and name in self.across else found
 
     def renamed(self, old: str, new: str) -> KnownScene:
@@ -98,6 +94,15 @@ class KnownScene:
             data["floor"],
             frozenset(data["across"]),
         )
+
+
+def solid_body(name: str, solid: Sized, camera: Camera, plane: MotionPlane) -> Solid:
+    """Return a solid on a plane as a body with a silhouette."""
+    if isinstance(solid, Box):
+        half = solid.half_extents
+    else:
+        half = (solid.radius, solid.radius, solid.radius if isinstance(solid, Sphere) else solid.half_height)
+    return Solid(name, solid.kind, half, camera, plane)
 
 
 def same_plane(one: MotionPlane, other: MotionPlane) -> bool:

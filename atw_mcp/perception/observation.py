@@ -183,6 +183,12 @@ class ImageObservation:
         steady: Floats = (points - shift) @ np.linalg.inv(turn).T
         return steady
 
+    def filmed(self, points: Floats, row: int) -> Floats:
+        """Return the inverse of `steadied`."""
+        if self.camera_motion is None:
+            return points
+        return np.asarray(points @ self.camera_motion[row, :, :2].T + self.camera_motion[row, :, 2])
+
     def contours(self, name: str, frame: int) -> list[Floats]:
         """Outer outlines (k, 2) x, y [px] of an object's parts at a frame, largest first."""
         found, _ = cv2.findContours(self.mask(name, frame).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)

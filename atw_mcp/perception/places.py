@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from atw_mcp.perception.eye import Solid, Track
+from atw_mcp.perception.eye import EyeSettings, Solid
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world.geometry import plane_axes
 
@@ -57,11 +57,9 @@ def _listed(values: Floats) -> list[Any]:
     return listed
 
 
-def places_of(track: Track, systematic: float) -> Places:
-    """Places of a solid's track. systematic: error of poses, of a radius in the image, that no curvature shows."""
-    body = track.body
-    assert isinstance(body, Solid)
-    count = len(track.poses)
+def places_of(body: Solid, poses: Floats, covariances: Floats) -> Places:
+    """Places of a solid by its poses (T, 4), NaN where it is not seen, and their covariances (T, 4, 4)."""
+    count, systematic = len(poses), EyeSettings().systematic
     positions, sigma = np.full((count, 3), np.nan), np.full(count, np.nan)
     orientations, turn_sigma = np.full((count, 4), np.nan), np.full(count, np.inf)
     axes = plane_axes(body.plane)
@@ -70,9 +68,9 @@ def places_of(track: Track, systematic: float) -> Places:
         rest = rest * ON_ITS_SIDE
     turns = len(body.angles()) > 1
     tilted = abs(axes[2, 2]) < 1 - 1e-6 and (body.lies or not body.upright)
-    angles = _continuous(track.poses[:, 2], np.pi / 2 if _order(body) == 4 else np.pi)
-    for k in np.flatnonzero(np.isfinite(track.poses[:, 0])):
-        pose, covariance = track.poses[k], track.covariances[k]
+    angles = _continuous(poses[:, 2], np.pi / 2 if _order(body) == 4 else np.pi)
+    for k in np.flatnonzero(np.isfinite(poses[:, 0])):
+        pose, covariance = poses[k], covariances[k]
         positions[k] = body.middle(pose)
         moved = [(body.centre(pose + 1e-4 * e) - body.centre(pose)) / 1e-4 for e in np.eye(4)[:2]]
         inverse = np.linalg.pinv(np.stack(moved, axis=1))

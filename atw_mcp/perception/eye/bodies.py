@@ -24,8 +24,8 @@ CIRCLE = np.stack([np.cos(np.arange(64) * np.pi / 32), np.sin(np.arange(64) * np
 @dataclass(frozen=True)
 class Contour:
     """Points of a silhouette at equal distances: places (N, 2) [px], outward unit normals (N, 2), and the rate at which
-    each moves along its normal with each component of the pose (N, 4) and with two nuisances (N, 2): all edges farther
-    out [px], and upper rims rounded [by their radius over the body's]; spacing [px]."""
+    each moves along its normal with each free component of the pose (N, 4) and with two nuisances (N, 2): all edges
+    farther out [px], and upper rims rounded [by their radius over the body's]; spacing [px]."""
 
     points: Floats
     normals: Floats
@@ -81,10 +81,15 @@ class Solid:
     faces: tuple[Surface, ...] = ()
     floor: float | None = None
 
+    @cached_property
+    def _axes(self) -> Floats:
+        """Axes (3, 3) of the plane: two along it and its normal."""
+        return plane_axes(self.plane)
+
     @property
     def upright(self) -> bool:
         """Whether the plane is an upright one in which bodies rotate as a side view shows."""
-        return not (self.plane.supports or abs(plane_axes(self.plane)[2, 2]) > 0.7)
+        return not (self.plane.supports or abs(self._axes[2, 2]) > 0.7)
 
     @property
     def free(self) -> NDArray[np.bool_]:
@@ -106,7 +111,7 @@ class Solid:
 
     def middle(self, pose: Floats) -> Floats:
         """Centre (3,) in the world [m]."""
-        found = np.asarray(self.plane.point) + np.array([*pose[:2], self._above(pose)]) @ plane_axes(self.plane)
+        found = np.asarray(self.plane.point) + np.array([*pose[:2], self._above(pose)]) @ self._axes
         level = found[2]
         for face in self.faces:  # the highest that is below it bears it
             lift = self.half[0] + pose[3]
@@ -137,7 +142,7 @@ class Solid:
             own = own[:, [2, 1, 0]] * [1.0, 1.0, -1.0]
         cosine, sine = np.cos(pose[2]), np.sin(pose[2])
         turned = own @ np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-        return np.asarray(middle + turned @ plane_axes(self.plane))
+        return np.asarray(middle + turned @ self._axes)
 
     def polygon(self, pose: Floats) -> Floats:
         """Silhouette (V, 2) [px]."""
@@ -149,15 +154,17 @@ class Solid:
         points = self.camera.project(self._surface(pose))
         used = np.arange(len(points)) if self.kind == "sphere" else _hull(points)
         small = 1e-4
-        moved = [(self.camera.project(self._surface(pose + small * e)) - points)[used] / small for e in np.eye(4)]
-        found = sampled_contour(points[used], np.stack(moved), most)
+        moved = np.zeros((4, len(used), 2))
+        for k in np.flatnonzero(self.free):
+            moved[k] = (self.camera.project(self._surface(pose + small * np.eye(4)[k])) - points)[used] / small
+        found = sampled_contour(points[used], moved, most)
         if self.kind == "sphere" or self.upright or self.lies:
             return found
         # A rim rounded by r lies r (|w_xy| + w_z - 1) farther in than a sharp one, w the normal of the tangent plane
         # through the camera. Of lower rims a dark gap is left, which is seen as the body's.
         lines = np.c_[found.normals, -(found.normals * found.points).sum(axis=1)]
         across = lines @ np.asarray(self.camera.intrinsics) @ np.asarray(self.camera.rotation)
-        across = across @ plane_axes(self.plane).T
+        across = across @ self._axes.T
         across /= np.linalg.norm(across, axis=1, keepdims=True)
         inset = np.where(across[:, 2] > 0, np.hypot(across[:, 0], across[:, 1]) + across[:, 2] - 1, 0.0)
         return replace(found, nuisances=np.c_[np.ones(len(inset)), -inset * self.radius(pose)])
@@ -176,7 +183,7 @@ class Solid:
 
     def placed(self, pixel: Floats, like: Floats) -> Floats:
         """Pose whose centre is seen at a pixel (2,), angle and height those of `like`: on the surface met first."""
-        axes, lift = plane_axes(self.plane), self.half[0] + like[3]
+        axes, lift = self._axes, self.half[0] + like[3]
         places = [self.camera.onto_plane(pixel, np.asarray(self.plane.point) + self._above(like) * axes[2], axes[2])]
         for face in self.faces:
             there = self.camera.onto_plane(pixel, face.point + lift * face.normal, face.normal)

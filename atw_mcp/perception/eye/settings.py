@@ -52,6 +52,7 @@ class EyeSettings:
     pure_error: float = 0.7  # [px] of an edge by pure colours: mixed pixels count for the more varied side
     light_noise: float = 0.01  # of a pixel's light, of 1: about three levels
     robust: float = 2.0  # scales of residuals of normals beyond which they lose weight
+    outward: float = 1.0  # of that, for edges that lie farther out than the silhouette
     correlated: float = 2.5  # [px] along a contour over which errors of normals are alike
     systematic: float = 0.02  # of a radius: error of a pose that no curvature shows (colours, shape)
 

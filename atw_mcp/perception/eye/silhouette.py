@@ -8,27 +8,30 @@ import numpy as np
 
 from atw_mcp.perception.eye.bodies import Contour, Outline
 from atw_mcp.perception.eye.likelihood import Scene
-from atw_mcp.perception.eye.pixels import Array, Floats, features, sampled
+from atw_mcp.perception.eye.pixels import Array, Floats, Mask, features, sampled
 
 GAMMA = 2.2  # exponent from levels to light, which is what mixes in a pixel: sRGB and video
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A pose (4,) with its covariance (4, 4), and the mean error of the centre [px].
+    """A pose (4,) with its covariance (4, 4).
 
-    decided: share of the contour's normals whose edge the pixels show.
+    decided: share of the contour's normals whose edge the pixels show. misfit: robust distance [px] of the edges from
+    the contour, of those that should be seen and are not the longest that is searched for.
     """
 
     pose: Floats
     covariance: Floats
     decided: float
+    misfit: float
 
 
-def _pure_edges(
+def pure_edges(
     scene: Scene, body: int, frame: int, pose: Floats, contour: Contour, reach: float
-) -> tuple[Floats, Floats]:
-    """Signed distance (N,) [px] of the edge from each normal of a contour, and its precision (N,) [1/px^2].
+) -> tuple[Floats, Floats, Mask]:
+    """Signed distance (N,) [px] of the edge from each normal of a contour, its precision (N,) [1/px^2], and whether
+    nothing hides it.
 
     The log likelihood of an edge at d is the sum of log odds up to d; its mean and variance are taken over a normal
     prior of `reach` and that prior is then removed, so that a normal on which nothing is decided weighs nothing.
@@ -41,7 +44,7 @@ def _pure_edges(
     shape = points.shape[:2]
     odds, free = np.where(free, odds, 0.0).reshape(shape), free.reshape(shape)
     middle = len(offsets) // 2
-    shown = free[:, max(middle - 2, 0) : middle + 3].all(axis=1)
+    shown = np.asarray(free[:, max(middle - 2, 0) : middle + 3].all(axis=1))
     logs = np.concatenate([np.zeros((shape[0], 1)), np.cumsum(odds * pitch, axis=1)], axis=1)
     places = np.append(offsets - 0.5 * pitch, offsets[-1] + 0.5 * pitch)
     width = 0.7 * reach
@@ -56,7 +59,7 @@ def _pure_edges(
     distance = np.where(precision > 0, mean / variance / np.maximum(precision, 1e-9), 0.0)
     near_end = np.abs(places) > reach - 0.5 * min(2.0, reach)
     precision = np.where(shown, precision * np.maximum(1 - 2 * weight[:, near_end].sum(axis=1), 0.0), 0.0)
-    return np.clip(distance, -reach, reach), precision
+    return np.clip(distance, -reach, reach), precision, shown
 
 
 def _mixed_edges(scene: Scene, frame: int, contour: Contour, gamma: float) -> tuple[Floats, Floats]:
@@ -118,7 +121,7 @@ def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
     for reach in (*s.reaches[coarse:], *[0.0] * s.mixed_rounds):
         reach_now = min(reach or s.reaches[-1], s.reach_radii * shape.radius(pose) + 1.5)
         contour = shape.contour(pose, s.normals)
-        distance, precision = _pure_edges(scene, body, frame, pose, contour, reach_now)
+        distance, precision, open_ = pure_edges(scene, body, frame, pose, contour, reach_now)
         if not reach:
             finer, weight = _mixed_edges(scene, frame, contour, mixing)
             near = (np.abs(distance) < s.mixed_near) & (precision > 0)
@@ -135,7 +138,8 @@ def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
             left = distance - rates @ step
             shown = precision > 0
             scale = max(1.48 * float(np.median(np.abs(left[shown]))) if shown.any() else 0.0, s.edge_error)
-            weight = precision / (1 + (left / (s.robust * scale)) ** 2) ** 2
+            limit = s.robust * scale * np.where(left > 0, s.outward, 1.0)
+            weight = precision / (1 + (left / limit) ** 2) ** 2
         limit = 0.8 * shape.unit[free]
         moved = pose.copy()
         moved[free] += np.clip(step[:-2], -limit, limit)
@@ -148,7 +152,9 @@ def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
     index = np.flatnonzero(free)
     information = rates.T @ (rates * weight[:, None]) / inflation + hold
     covariance[np.ix_(index, index)] = np.linalg.inv(information)[:-2, :-2]
-    return Fit(pose, covariance, float(strong.mean()))
+    apart = np.where(precision > 0, left, reach_now)[open_]
+    misfit = float(np.sqrt(np.log1p(apart**2).mean())) if open_.any() else np.inf
+    return Fit(pose, covariance, float(strong.mean()), misfit)
 
 
 def edges_beyond(scene: Scene, body: int, frame: int, pose: Floats) -> Floats:
@@ -158,7 +164,7 @@ def edges_beyond(scene: Scene, body: int, frame: int, pose: Floats) -> Floats:
     """
     s = scene.settings
     contour = scene.bodies[body].contour(pose, s.normals)
-    rough, precision = _pure_edges(scene, body, frame, pose, contour, s.reaches[-1])
+    rough, precision, _ = pure_edges(scene, body, frame, pose, contour, s.reaches[-1])
     finer, _ = _mixed_edges(scene, frame, contour, 1.0)
     return np.where((np.abs(rough) < s.mixed_near) & (precision > 0.25 / s.edge_error**2), finer, np.nan)
 

@@ -14,14 +14,13 @@ from atw_mcp.perception.flight.settings import FlightSettings
 from atw_mcp.perception.flight.sightings import Sightings, Solid, sightings
 from atw_mcp.perception.flight.surfaces import Surface, is_covered, surfaces_of
 from atw_mcp.perception.observation import ImageObservation
-from atw_mcp.perception.silhouettes import SolidKind, lift_of
-from atw_mcp.perception.tracks import costs_of_rest, kind_and_size, world_tracks
+from atw_mcp.perception.tracks import misfits_at_rest, world_tracks
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
 from polyworld.world.geometry import circumscribed_radius, equivalent_radius, quaternion_matrix
-from polyworld.world.shapes import Cylinder
+from polyworld.world.shapes import Box, Cylinder, Sphere
 
 Floats = NDArray[np.float64]
 Corners = tuple[tuple[float, float, float], ...]
@@ -97,7 +96,7 @@ def _lift(tracks: ObservedTracks, name: str, solid: Solid) -> float:
     upward = [abs(float(quaternion_matrix(turn)[2, 2])) for turn in turns]
     if isinstance(solid, Cylinder) and upward and float(np.median(upward)) < SETTINGS.lying:
         return solid.radius
-    return lift_of(kind_and_size(solid)[1])
+    return _height(solid)
 
 
 def _in_flight(
@@ -143,19 +142,25 @@ def _in_flight(
     )
 
 
-def _rest(seen: ImageObservation, camera: Camera, name: str, solid: Solid, parts: Divided) -> dict[str, SolidKind]:
-    """Check whether a cylinder stands or lies, by its outline on all surfaces together; empty for other solids."""
+def _height(solid: Solid) -> float:
+    """Height of the centre of a solid that stands [m]."""
+    if isinstance(solid, Box):
+        return solid.half_extents[2]
+    return solid.radius if isinstance(solid, Sphere) else solid.half_height
+
+
+def _rest(seen: ImageObservation, camera: Camera, name: str, solid: Solid, parts: Divided) -> dict[str, bool]:
+    """Check whether a cylinder lies, by its outline on all surfaces together; empty for other solids."""
     if not isinstance(solid, Cylinder):
         return {}
-    costs: dict[SolidKind, list[Floats]] = {}
+    misfits: dict[bool, list[Floats]] = {}
     for part in parts.stretches:
         if part.surface is not None:
             rows = np.arange(part.first, part.last + 1)
-            for kind, cost in costs_of_rest(seen, camera, name, solid, _plane(part.surface), rows).items():
-                costs.setdefault(kind, []).append(cost)
-    if not costs:
-        return {}
-    return {name: min(costs, key=lambda kind: float(np.median(np.concatenate(costs[kind]))))}
+            for lies, own in misfits_at_rest(seen, camera, name, solid, _plane(part.surface), rows).items():
+                misfits.setdefault(lies, []).append(own)
+    usual = {lies: float(np.median(np.concatenate(own))) for lies, own in misfits.items() if any(map(len, own))}
+    return {name: min(usual, key=lambda lies: usual[lies])} if usual else {}
 
 
 def _not_settled(places: Floats, camera: Camera, solid: Solid) -> Floats:
@@ -163,7 +168,7 @@ def _not_settled(places: Floats, camera: Camera, solid: Solid) -> Floats:
 
     They stand on an edge, or bounce too low for it to show.
     """
-    lift = lift_of(kind_and_size(solid)[1])
+    lift = _height(solid)
     higher = max(0.5 * (circumscribed_radius(solid) - lift), SETTINGS.low * lift)
     away = places - camera.centre
     return np.asarray(higher * away / np.maximum(np.abs(away[:, 2:]), 1e-9))
@@ -203,7 +208,7 @@ def _on_surfaces(
                 _plane(part.surface),
                 seconds_per_frame=tracks.seconds_per_frame,
                 only=[name],
-                rests=rests,
+                lying=rests,
             )
             shown = rows[placed.confidence[rows, column] > 0.0]
             for key, values in series.items():

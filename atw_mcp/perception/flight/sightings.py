@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception.depth_tracks import surface_area
 from atw_mcp.perception.observation import ImageObservation
-from atw_mcp.perception.silhouettes import trusted_outline
 from polyworld.world.camera import Camera
 from polyworld.world.geometry import equivalent_radius
 from polyworld.world.shapes import Box, Cylinder, Sphere
@@ -29,8 +29,8 @@ class SightingSettings:
     frames; shift: distance of a mask's centre from the body's, of its apparent radius, for the same reason; given:
     relative error of a size as it is seen; window, quantile: frames on either side, and of their apparent radii the
     quantile, by which a mask is seen to be larger than usual; least_noise: of a centroid [px]; least_points: of an
-    outline with which a ball is placed; centroid: distance of the outline's centroid from the centre of a body that is
-    no ball, of its radius.
+    outline with which a ball is placed; clearance: from others and the border, within which none is trusted [px];
+    centroid: distance of the outline's centroid from the centre of a body that is no ball, of its radius.
     """
 
     edge: float = 0.3
@@ -43,6 +43,7 @@ class SightingSettings:
     given: float = 0.1
     least_noise: float = 0.4
     least_points: int = 10
+    clearance: float = 2.5
     centroid: float = 0.05
 
 
@@ -101,7 +102,7 @@ def sightings(
         if status != "visible" or observed.confidence[row] <= 0.0:
             continue
         if isinstance(solid, Sphere):
-            points = trusted_outline(labels[row], number, frozenset()).points
+            points = _outline(labels[row], number, settings.clearance)
             if len(points) < settings.least_points:
                 continue
             direction, angle = cone(camera.rays(observation.steadied(points, row)))
@@ -134,6 +135,20 @@ def sightings(
         float(np.hypot(np.hypot(settings.given, turning), settings.edge_bias / np.median(pixels))),
         np.zeros(len(kept), dtype=bool),
     )
+
+
+def _outline(labels: NDArray[np.uint8], number: int, clearance: float) -> Floats:
+    """Points (P, 2) [px] midway between a mask's pixels and those beside them, where these are the background's."""
+    mask = np.pad(labels == number, 1)
+    away = cv2.distanceTransform(np.isin(labels, (0, number)).astype(np.uint8), cv2.DIST_L2, 5)
+    away = np.pad(np.where(away > 0, away, 0.0), 1) if (away < away.max()).any() else np.full(mask.shape, np.inf)
+    found = []
+    for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        y, x = np.nonzero(mask & ~np.roll(mask, (-dy, -dx), axis=(0, 1)) & (away > clearance))
+        found.append(np.stack([x - 1 + 0.5 * dx, y - 1 + 0.5 * dy], axis=1))
+    points = np.concatenate(found)
+    most = np.array(labels.shape[::-1]) - 1 - clearance
+    return np.asarray(points[((points > clearance) & (points < most)).all(axis=1)])
 
 
 def _usual(pixels: Floats, rows: NDArray[np.int64], settings: SightingSettings) -> Floats:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from atw_mcp.observation.matching import Known, Matching, apparent_radius, matched
+from atw_mcp.perception.known_scene import Sized as Solid
 from atw_mcp.perception.observation import Cue, ObservedObject
-from atw_mcp.perception.tracks import Solid, SolidEstimate
+from atw_mcp.perception.sizes import SolidEstimate
 from polyworld.world.shapes import Box, Cylinder, Sphere
 
 ELEVATION = np.deg2rad(35)
