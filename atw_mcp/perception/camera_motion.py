@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -15,9 +15,6 @@ from atw_mcp.perception.video import Frames
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Tile = tuple[tuple[NDArray[np.int_], ...], Mask]  # indices of rows and columns, and the pixels at edges among them
-
-CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 40, 1e-4)
 
 
 @dataclass(frozen=True)
@@ -25,14 +22,7 @@ class CameraMotionSettings:
     """When a camera is seen to move, and by which corners and edges.
 
     moves: pixels (root mean square at the corners of the image) below which a camera stands still.
-    smoothed: standard deviation of the filter before images are aligned [px].
-    edge: slope (Sobel) of an edge: a step of ten levels.
-    edges: pixels at edges from which on a part of the image shows motion.
     tiles: parts of the image across and down.
-    most_tiles: share of those with edges that alignment has to make steadier.
-    compared: frames in which it is seen whether alignment helps.
-    clipped: levels: what covers an edge changes it by more, and counts no more.
-    steadier: share of the change at edges that alignment has to leave at most.
     corners: corners of the image that are followed at most.
     tile_corners: the same in each part of the image.
     corner_quality: strength of a corner at least, of the strongest one.
@@ -42,19 +32,11 @@ class CameraMotionSettings:
     lost: share of the frames that may have no motion on which corners agree.
     agreeing: share of corners that agree at least: bodies have corners too.
     agrees: pixels from the common motion up to which a corner agrees.
-    like: correlation below which two images were not aligned.
     remembered: clips whose motion is kept, so that each correction of a clip does not measure it again.
     """
 
     moves: float = 0.4
-    smoothed: float = 1.2
-    edge: float = 40.0
-    edges: int = 12
     tiles: int = 5
-    most_tiles: float = 0.6
-    compared: int = 8
-    clipped: float = 40.0
-    steadier: float = 0.7
     corners: int = 2000
     tile_corners: int = 10
     corner_quality: float = 0.003
@@ -64,7 +46,6 @@ class CameraMotionSettings:
     lost: float = 0.1
     agreeing: float = 0.4
     agrees: float = 1.0
-    like: float = 0.5
     remembered: int = 64
 
 
@@ -76,10 +57,8 @@ _remembering = threading.Lock()
 def camera_motion(frames: Frames, tick: Callable[[], None] | None = None) -> Floats | None:
     """Return maps (T, 2, 3) from the first frame's pixels to each frame's; None where the camera stands still.
 
-    Rigid motions in the image: of corners followed from the first frame (Lucas & Kanade; most of them agree on one
-    motion), and where those leave the image unsteady, by maximal correlation of whole images (ECC: Evangelidis &
-    Psarakis 2008, IEEE TPAMI 30, 1858). A frame that cannot be aligned has the map of the frame before. Measured once
-    per content of a clip.
+    Rigid motions in the image, of corners followed from the first frame (Lucas & Kanade), on most of which they agree.
+    A frame that cannot be aligned has the map of the frame before. Measured once per content of a clip.
     """
     digest = hashlib.blake2b(repr(frames.shape).encode())
     digest.update(np.ascontiguousarray(frames).data)
@@ -98,13 +77,6 @@ def camera_motion(frames: Frames, tick: Callable[[], None] | None = None) -> Flo
 
 def _measured(frames: Frames, stop: Callable[[], None]) -> Floats | None:
     found = _of_corners(frames, stop)
-    if found is None:
-        tiles = _edge_tiles(cv2.cvtColor(frames[0], cv2.COLOR_BGR2GRAY).astype(np.float32))
-        if len(tiles) < SETTINGS.tiles:
-            return None  # where only bodies have edges, their motion is not the camera's
-        found = _of_images(frames, stop)
-        if not _steadies(frames, found, tiles):
-            return None  # bodies that move pull the alignment of a plain scene
     return found if found is not None and _is_motion(found, frames) else None
 
 
@@ -171,55 +143,6 @@ def _rigid(before: NDArray[np.float32], after: NDArray[np.float32], size: tuple[
     angle = float(np.arctan2(similar[1, 0], similar[0, 0]))
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     return np.column_stack([turn, np.median(q - p @ turn.T, axis=0)])
-
-
-def _of_images(frames: Frames, tick: Callable[[], None]) -> Floats:
-    first = _smooth_gray(frames[0])
-    found = np.zeros((len(frames), 2, 3))
-    warp = np.eye(2, 3, dtype=np.float32)
-    found[0] = warp
-    for t in range(1, len(frames)):
-        tick()
-        gray = _smooth_gray(frames[t])
-        try:
-            likeness, new = cv2.findTransformECC(first, gray, warp.copy(), cv2.MOTION_EUCLIDEAN, CRITERIA)
-        except cv2.error:  # too little texture to align
-            likeness, new = 0.0, warp
-        warp = np.asarray(new, dtype=np.float32) if likeness > SETTINGS.like else warp
-        found[t] = warp
-    return found
-
-
-def _smooth_gray(frame: NDArray[np.uint8]) -> NDArray[np.float32]:
-    gray = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY).astype(np.float32)
-    return np.asarray(cv2.GaussianBlur(gray, (0, 0), SETTINGS.smoothed), dtype=np.float32)
-
-
-def _edge_tiles(gray: NDArray[np.float32]) -> list[Tile]:
-    """Return parts of an image that have edges: indices of the part, and the mask of its pixels at edges."""
-    edges = np.hypot(cv2.Sobel(gray, cv2.CV_32F, 1, 0), cv2.Sobel(gray, cv2.CV_32F, 0, 1)) > SETTINGS.edge
-    found = []
-    for rows in np.array_split(np.arange(gray.shape[0]), SETTINGS.tiles):
-        for columns in np.array_split(np.arange(gray.shape[1]), SETTINGS.tiles):
-            tile = np.ix_(rows, columns)
-            if edges[tile].sum() >= SETTINGS.edges:
-                found.append((tile, edges[tile]))
-    return found
-
-
-def _steadies(frames: Frames, motion: Floats, tiles: Sequence[Tile]) -> bool:
-    """Return whether frames freed of a motion differ clearly less from the first one at edges in most tiles."""
-    picks = np.unique(np.linspace(1, len(frames) - 1, min(SETTINGS.compared, len(frames) - 1)).round().astype(int))
-    first = cv2.cvtColor(frames[0], cv2.COLOR_BGR2GRAY).astype(np.float32)
-    change = []
-    for images in (frames[picks], stabilised(frames[picks], motion[picks])):
-        gray = np.stack([cv2.cvtColor(f, cv2.COLOR_BGR2GRAY).astype(np.float32) for f in images])
-        change.append(np.median(np.minimum(np.abs(gray - first), SETTINGS.clipped), axis=0))
-    steadier = []
-    for tile, own in tiles:
-        before, after = (float(c[tile][own].mean()) for c in change)
-        steadier.append(after < SETTINGS.steadier * before)
-    return float(np.mean(steadier)) > SETTINGS.most_tiles
 
 
 def stabilised(frames: Frames, motion: Floats) -> Frames:
