@@ -19,7 +19,6 @@ from atw_mcp.perception.observation import ImageObservation
 
 CLEARANCE = 2.5  # [px] from other objects and from the image's border within which an outline is not an object's own
 MARGIN = 20  # [px] around a mask: edges farther away are not searched for
-OUTWARD = 0.45  # of the usual limit of errors, for edges farther out: masks take in shadows and reflections
 SMOOTH = 0.7  # [px] over which a mask's steps are averaged
 FARTHER = 1.02  # ratio of distances from which one object is surely behind another
 
@@ -31,7 +30,7 @@ class MaskScene(Scene):
     def __init__(
         self, observation: ImageObservation, bodies: Sequence[Solid], depths: Mapping[str, Floats] | None = None
     ) -> None:
-        settings = replace(EyeSettings(), mixed_rounds=0, outward=OUTWARD)
+        settings = replace(EyeSettings(), reaches=EyeSettings().reaches[:-2])
         size = observation.video.height, observation.video.width
         nothing = np.broadcast_to(np.uint8(0), (len(observation.frames), *size, 3))
         flat = np.zeros((1, 1, 3), np.float32)

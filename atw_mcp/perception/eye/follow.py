@@ -96,7 +96,7 @@ def _assigned(scene: Scene, walkers: list[_Walker], frame: int) -> list[State | 
         moved = np.linalg.norm(shape.centre(w.before + w.velocity) - shape.centre(w.before)) / shape.radius(w.before)
         reach = (s.search if w.known else 1.6 * s.search) * (1 + w.missed) + s.faster * float(np.nan_to_num(moved))
         others = [w.before] if w.known and not w.missed else []
-        options.append(candidates(scene, w.body, frame, w.predicted(), others, w.before, min(reach, s.search_most)))
+        options.append(candidates(scene, w.body, frame, w.predicted(), others, w.before, min(reach, 5 * s.search)))
     places: list[Floats] = []
     columns: list[list[int]] = []
     for w, states in zip(walkers, options, strict=True):
@@ -207,7 +207,7 @@ def _searched(scene: Scene, body: int, frame: int) -> State | None:
     share = (frame - near[0]) / (near[-1] - near[0]) if len(near) > 1 else 0.0
     about = poses[0] + share * (poses[-1] - poses[0])
     apart = np.linalg.norm(shape.centre(poses[-1]) - shape.centre(poses[0])) / shape.radius(about)
-    reach = min(s.search + s.faster * float(apart), s.search_most)
+    reach = min(s.search + s.faster * float(apart), 5 * s.search)
     starts = peaks(scene, body, frame, about, reach, s.fraction * scene.usual[body])
     states = [state_at(scene, body, frame, pose, motion_prior(scene, body)) for pose in starts]
     free = [state for state in states if vacant(scene, body, frame, state)]
@@ -225,4 +225,4 @@ def _bends(scene: Scene, body: int) -> float:
     apart = np.linalg.norm(centres[1:-1] - 0.5 * (centres[2:] + centres[:-2]), axis=1)
     usual = float(np.nanmedian(apart)) if np.isfinite(apart).any() else np.inf
     radius = shape.radius(seen[len(seen) // 2])
-    return float(np.clip(2.0 * usual / radius, scene.settings.least_motion, scene.settings.motion))
+    return float(np.clip(2.0 * usual / radius, scene.settings.motion / 5, scene.settings.motion))

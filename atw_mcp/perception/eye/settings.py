@@ -43,16 +43,16 @@ class EyeSettings:
     # silhouettes
     normals: int = 80  # along a contour at the most: neighbours nearer than a pixel say the same
     step: float = 0.5  # [px] along a normal: half the width of an edge
-    reaches: tuple[float, ...] = (12.0, 8.0, 5.0, 4.0, 4.0)  # [px] of a normal, coarse to fine
+    # [px] of a normal, coarse to fine; the last steps, 0, resolve edges by mixed pixels
+    reaches: tuple[float, ...] = (12.0, 8.0, 5.0, 4.0, 4.0, 0.0, 0.0)
     reach_radii: float = 0.7  # [radii] of a normal at the most: beyond it lies another side of the body
     edge_error: float = 0.3  # [px] standard deviation of one normal's edge at the best
-    mixed_rounds: int = 2  # steps at the end that resolve edges by mixed pixels
     mixed_near: float = 2.0  # [px] from an edge within which pixels are mixed: lens, coding of colour at half size
     shaded_edge: float = 2.0  # [px] per unit of log factor: an edge against a shade may be the shade's own
     pure_error: float = 0.7  # [px] of an edge by pure colours: mixed pixels count for the more varied side
     light_noise: float = 0.01  # of a pixel's light, of 1: about three levels
     robust: float = 2.0  # scales of residuals of normals beyond which they lose weight
-    outward: float = 1.0  # of that, for edges that lie farther out than the silhouette
+    outward: float = 0.45  # of that, for edges farther out: what shades or mirrors a body adds to it, and nothing takes
     correlated: float = 2.5  # [px] along a contour over which errors of normals are alike
     systematic: float = 0.02  # of a radius: error of a pose that no curvature shows (colours, shape)
 
@@ -60,8 +60,7 @@ class EyeSettings:
     weak: float = 0.65  # of its usual contrast, or share of decided edges, below which a place is doubted: it is also
     # searched for elsewhere, and the confidence falls
     apart: float = 0.7  # [radii] below which two bodies' places are one, which only one of them can take
-    search: float = 5.0  # [radii] around the prediction in which a body is searched for, more after each miss
-    search_most: float = 25.0  # [radii] of that at the most
+    search: float = 5.0  # [radii] around the prediction in which a body is searched for; five times it after misses
     coarse: float = 4.0  # [px] radius of a body at the resolution of that search
     peaks: int = 3  # of the search that are refined
     present: float = 0.5  # [nats] contrast of mean log odds, inside over around, from which on a body is seen
@@ -71,8 +70,7 @@ class EyeSettings:
     jump: float = 2.0  # [radii] between frames beyond the motion around: a break
     faster: float = 1.5  # times the motion around that is no jump, and is searched: a throw, a blow
     gap: int = 4  # [frames] over which motion can be continued: without sight, before and after a meeting
-    motion: float = 0.5  # [radii] standard deviation of a frame's change of displacement
-    least_motion: float = 0.1  # [radii] of that at the least: errors of poses
+    motion: float = 0.5  # [radii] standard deviation of a frame's change of displacement; a fifth at the least
     rounds: int = 2  # of states, then colours, at the most
     hold: float = 0.3  # [radii] standard deviation of a seed: a centre given by eye
     hold_pixels: float = 2.0  # [px] at least: what is drawn by eye is no better

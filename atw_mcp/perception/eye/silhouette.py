@@ -118,8 +118,8 @@ def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
     mixing = 1.0 if isinstance(shape, Outline) else GAMMA  # as its shape is learned: edges_beyond
     sigma = 3.0 * shape.unit if prior is None else prior
     hold = np.diag(1 / np.maximum(np.append(sigma[free], shape.nuisance), 1e-9) ** 2)
-    for reach in (*s.reaches[coarse:], *[0.0] * s.mixed_rounds):
-        reach_now = min(reach or s.reaches[-1], s.reach_radii * shape.radius(pose) + 1.5)
+    for reach in s.reaches[coarse:]:
+        reach_now = min(reach or 2 * s.mixed_near, s.reach_radii * shape.radius(pose) + 1.5)
         contour = shape.contour(pose, s.normals)
         distance, precision, open_ = pure_edges(scene, body, frame, pose, contour, reach_now)
         if not reach:
@@ -164,7 +164,7 @@ def edges_beyond(scene: Scene, body: int, frame: int, pose: Floats) -> Floats:
     """
     s = scene.settings
     contour = scene.bodies[body].contour(pose, s.normals)
-    rough, precision, _ = pure_edges(scene, body, frame, pose, contour, s.reaches[-1])
+    rough, precision, _ = pure_edges(scene, body, frame, pose, contour, 2 * s.mixed_near)
     finer, _ = _mixed_edges(scene, frame, contour, 1.0)
     return np.where((np.abs(rough) < s.mixed_near) & (precision > 0.25 / s.edge_error**2), finer, np.nan)
 
