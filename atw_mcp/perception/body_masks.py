@@ -11,11 +11,11 @@ from atw_mcp.perception import eye
 from atw_mcp.perception.camera_motion import as_filmed
 from atw_mcp.perception.clip import Clip, Floats
 from atw_mcp.perception.constraints import Constraint, Exclusion, Seed
+from atw_mcp.perception.describing import LEAST_PIXELS
 from atw_mcp.perception.eye.likelihood import Scene
 from atw_mcp.perception.eye.pixels import filled
 from atw_mcp.perception.masks import Mask, RunLengthMask
 
-LEAST_PIXELS = 8  # of a mask
 FINER = 8  # parts of a pixel along each axis by which silhouettes are drawn
 RIM = 0.3  # radii around a silhouette in which a body's pixels are looked for: more is another body's
 

@@ -13,8 +13,7 @@ from atw_mcp.perception.clip import Clip
 from atw_mcp.perception.constraints import Constraint, Exclusion, Rest, Seed, SeedKind, ordered
 from atw_mcp.perception.corrections import Correction, Exclude, Outline, Place, Stay
 from atw_mcp.perception.describing import describe
-from atw_mcp.perception.follow_bodies import LUMINANCE, WHITE, Followed, follow_bodies
-from atw_mcp.perception.import_images import standing_apart
+from atw_mcp.perception.follow_bodies import Followed, follow_bodies
 from atw_mcp.perception.masks import Mask, RunLengthMask
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
 from atw_mcp.perception.track_edits import TrackEdits
@@ -88,30 +87,18 @@ def _objects(
         if (again and edits.seeded(name)) or name in followed.objects:
             continue
         others = [followed.objects[other].masks for other in followed.objects]
-        kept = []
+        own = []
         for row, mask in enumerate(series):
             mask = excluded(mask, name, numbers[row], constraints)
             for other in others:
                 stored = other[row]
                 if stored is not None and mask.any():
                     mask = mask & ~stored.decode()
-            kept.append(mask)
-        masks[name] = kept
-    apart = dict(zip(masks, standing_apart(list(masks.values())), strict=True))
-    white = float(np.percentile(frames[0].astype(np.float32) @ LUMINANCE, WHITE))
-    objects = []
-    for name in edits.masks:
-        old = edits.described.get(name)
-        if name in followed.objects:
-            objects.append(followed.objects[name])
-        elif name in masks:
-            if old is not None and _equal(masks[name], edits.masks[name]):
-                objects.append(old)
-                continue
-            made = describe(masks[name], frames, [1.0] * len(frames), apart[name], white)
-            if made is not None:
-                objects.append(replace(made, name=name))
-    return objects
+            own.append(mask)
+        masks[name] = own
+    kept = {n: o for n, o in edits.described.items() if n in masks and _equal(masks[n], edits.masks[n])}
+    made = kept | describe(masks, frames, only=[n for n in masks if n not in kept]) | followed.objects
+    return [made[name] for name in edits.masks if name in made]
 
 
 def _constraints(edits: TrackEdits, camera: Camera | None) -> list[Constraint]:

@@ -1,29 +1,52 @@
-"""Describe an object: status, confidence, colour, material and shape from its masks."""
+"""Describe objects: status, confidence, colour, material and shape from their masks."""
 
 from __future__ import annotations
+
+from collections.abc import Collection, Mapping
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception.cues import colour_cue, material_cue, shape_cue
-from atw_mcp.perception.masks import Mask, RunLengthMask, touches_border
+from atw_mcp.perception.masks import Mask, RunLengthMask, touches_border, window
 from atw_mcp.perception.observation import Cue, ObservedObject, Status, measure
 from atw_mcp.perception.video import Frames
 
 CUE_SAMPLES = 12  # frames looked at for colour, material and shape
+LEAST_PIXELS = 8  # of a mask
+WHITE = 80.0  # percentile of luminance that a bright background has
+LUMINANCE = np.array([0.114, 0.587, 0.299], np.float32)  # of BGR levels, as cv2.cvtColor weighs them
 
 
 def describe(
-    masks: list[Mask], frames: Frames, clarity: list[float], alone: list[bool], white: float
-) -> ObservedObject | None:
-    """Return an object, still without a name, from its masks; None if it is seen in no frame.
+    masks: Mapping[str, list[Mask]],
+    frames: Frames,
+    clarity: Mapping[str, NDArray[np.float64]] | None = None,
+    only: Collection[str] | None = None,
+) -> dict[str, ObservedObject]:
+    """Return objects by name from their masks (T), but those that are seen in no frame.
 
-    clarity (T,) says how surely its pixels are distinguished from other objects' (0..1); alone (T,) whether its region
-    touches no other object's.
+    clarity (T,): how surely pixels are distinguished from other objects' (0..1), default 1. only: names of those to
+    describe.
     """
+    white = float(np.percentile(frames[0].astype(np.float32) @ LUMINANCE, WHITE))
+    apart = dict(zip(masks, _standing_apart(list(masks.values())), strict=True))
+    found = {}
+    for name in masks if only is None else only:
+        sure = np.ones(len(frames)) if clarity is None else clarity[name]
+        made = _described(name, masks[name], frames, sure, apart[name], white)
+        if made is not None:
+            found[name] = made
+    return found
+
+
+def _described(
+    name: str, masks: list[Mask], frames: Frames, clarity: NDArray[np.float64], alone: list[bool], white: float
+) -> ObservedObject | None:
+    """Object of masks; alone (T,): whether its region touches no other object's."""
     count = len(masks)
-    seen = [t for t in range(count) if masks[t].sum() >= 8]
+    seen = [t for t in range(count) if masks[t].sum() >= LEAST_PIXELS]
     if not seen:
         return None
     stored = tuple(RunLengthMask.encode(m) if t in set(seen) else None for t, m in enumerate(masks))
@@ -51,7 +74,7 @@ def describe(
             confidence[t] = 0.97 * clarity[t] * (1.0 if alone[t] else 0.95) * (0.5 + 0.5 * share)
     colour, material, shape = _cues(masks, frames, clear, seen, area, white)
     return ObservedObject(
-        name="",
+        name=name,
         colour=colour,
         material=material,
         shape=shape,
@@ -66,6 +89,20 @@ def describe(
         enters=bool(first > 0 and border[first]) or bool(first == 0 and border[0] and area[0] < 0.9 * full[0]),
         exits=bool(last < count - 1 and border[last]),
     )
+
+
+def _standing_apart(all_masks: list[list[Mask]]) -> list[list[bool]]:
+    """For each object and frame, whether its mask stands apart from every other's."""
+    kernel = np.ones((3, 3), np.uint8)
+    apart = [[True] * len(series) for series in all_masks]
+    for t in range(len(all_masks[0]) if all_masks else 0):
+        for k, series in enumerate(all_masks):
+            near = window(series[t], 1)
+            own = series[t][near]
+            grown = cv2.dilate(own.astype(np.uint8), kernel) > 0 if own.size else own
+            around = (grown & other[t][near] for m, other in enumerate(all_masks) if m != k)
+            apart[k][t] = not any(part.any() for part in around)
+    return apart
 
 
 def _full_area(area: NDArray[np.int64], clear: list[int], count: int) -> NDArray[np.float64]:

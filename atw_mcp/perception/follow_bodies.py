@@ -9,14 +9,13 @@ import cv2
 import numpy as np
 
 from atw_mcp.perception import eye
-from atw_mcp.perception.body_masks import LEAST_PIXELS, masks_of
+from atw_mcp.perception.body_masks import masks_of
 from atw_mcp.perception.camera_motion import as_stabilised
 from atw_mcp.perception.clip import Clip, Floats
 from atw_mcp.perception.constraints import Constraint, Seed
-from atw_mcp.perception.describing import describe
+from atw_mcp.perception.describing import LEAST_PIXELS, describe
 from atw_mcp.perception.eye.bodies import Body
 from atw_mcp.perception.eye.likelihood import Scene
-from atw_mcp.perception.import_images import standing_apart
 from atw_mcp.perception.known_scene import KnownScene
 from atw_mcp.perception.lying import has_place, lying
 from atw_mcp.perception.masks import Mask, RunLengthMask
@@ -26,8 +25,6 @@ from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
 
 UNSURE = 0.35  # confidence below which a body is not in full view, and its frames are named
 PASSES = 6  # times that the eye goes through all frames: forward, backward, and its rounds
-WHITE = 80.0  # percentile of luminance that a bright background has
-LUMINANCE = np.array([0.114, 0.587, 0.299], np.float32)  # of BGR levels, as cv2.cvtColor weighs them
 
 
 @dataclass(frozen=True)
@@ -168,20 +165,18 @@ def described(
 ) -> dict[str, ObservedObject]:
     """Objects of tracks that are seen: masks, in each frame's own pixels, and places of solids."""
     masks = masks_of(clip, tracks, scene, constraints)
-    apart = dict(zip(masks, standing_apart(list(masks.values())), strict=True)) if masks else {}
-    white = float(np.percentile(clip.frames[0].astype(np.float32) @ LUMINANCE, WHITE))
+    seen = describe(masks, clip.frames, {t.body.name: t.confidence for t in tracks})
     objects: dict[str, ObservedObject] = {}
     for track in tracks:
         name = track.body.name
-        own = masks[name]
-        made = describe(own, clip.frames, track.confidence.tolist(), apart[name], white)
-        if made is None:
+        if name not in seen:
             continue
+        made = seen[name]
         sure: Floats = np.where(made.area > 0, track.confidence, 0.0).round(4)
         status = tuple(_status(s, c) for s, c in zip(made.status, sure, strict=True))
         body = track.body
         places = places_of(body, track.poses, track.covariances) if isinstance(body, eye.Solid) else None
-        objects[name] = replace(made, name=name, status=status, confidence=sure, places=places)
+        objects[name] = replace(made, status=status, confidence=sure, places=places)
     return objects
 
 

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from atw_mcp.perception.calibration import CalibrationError, calibrate_from_homography
 from atw_mcp.perception.describing import describe
 from atw_mcp.perception.import_files import ImportDataError, read_arrays, read_json
-from atw_mcp.perception.masks import Mask, MaskError, RunLengthMask, window
+from atw_mcp.perception.masks import Mask, MaskError, RunLengthMask
 from atw_mcp.perception.naming import slug, unique
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import Frames, existing_file, load
@@ -51,29 +51,9 @@ def import_masks(path: str | Path, video_path: str | Path) -> ImageObservation:
 
 def observation_of_masks(masks: dict[str, list[Mask]], frames: Frames, base: ImageObservation) -> ImageObservation:
     """`base` with the objects that masks (name: T masks) describe in place of its own."""
-    white = float(np.percentile(frames[0].astype(np.float32) @ np.array([0.114, 0.587, 0.299], np.float32), 80))
-    touching = standing_apart(list(masks.values()))
-    objects = []
-    for (name, series), apart in zip(masks.items(), touching, strict=True):
-        described = describe(series, frames, [1.0] * len(series), apart, white)
-        if described is not None:
-            objects.append((name, described))
-    names = unique([slug(name) for name, _ in objects])
-    return replace(base, objects=tuple(replace(o, name=n) for n, (_, o) in zip(names, objects, strict=True)))
-
-
-def standing_apart(all_masks: list[list[Mask]]) -> list[list[bool]]:
-    """For each object and frame, whether its mask stands apart from every other's."""
-    kernel = np.ones((3, 3), np.uint8)
-    apart = [[True] * len(series) for series in all_masks]
-    for t in range(len(all_masks[0]) if all_masks else 0):
-        for k, series in enumerate(all_masks):
-            near = window(series[t], 1)
-            own = series[t][near]
-            grown = cv2.dilate(own.astype(np.uint8), kernel) > 0 if own.size else own
-            around = (grown & other[t][near] for m, other in enumerate(all_masks) if m != k)
-            apart[k][t] = not any(part.any() for part in around)
-    return apart
+    objects = describe(masks, frames)
+    names = unique([slug(name) for name in objects])
+    return replace(base, objects=tuple(replace(o, name=n) for n, o in zip(names, objects.values(), strict=True)))
 
 
 def _masks_of_folder(folder: Path, shape: tuple[int, ...]) -> dict[str, list[Mask]]:

@@ -15,7 +15,7 @@ from atw_mcp.perception.clip import Clip
 from atw_mcp.perception.describing import describe
 from atw_mcp.perception.eye.colours import learn_colours
 from atw_mcp.perception.eye.pixels import features
-from atw_mcp.perception.follow_bodies import LUMINANCE, PASSES, WHITE, described, doubts
+from atw_mcp.perception.follow_bodies import PASSES, described, doubts
 from atw_mcp.perception.masks import Mask
 from atw_mcp.perception.naming import matched_to_expected, names_for
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
@@ -127,7 +127,6 @@ def _objects(
         followed, scene = eye.observe(clip.steady, [p.body for p in proposals], seeds, tick=tick)
         tracks = {t.body.name: t for t in followed}
         found = described(clip, followed, scene, ())
-    white = float(np.percentile(clip.frames[0].astype(np.float32) @ LUMINANCE, WHITE))
     width = clip.frames.shape[2]
     unlike = [
         p for p in proposals if p.regions and not _is_rigid(p, tracks[p.body.name], found.get(p.body.name), width)
@@ -136,7 +135,7 @@ def _objects(
         found.pop(p.body.name, None)
         tracks.pop(p.body.name, None)
     for p in unlike:
-        made = _as_seen(clip, p, found, white) if p.unlike_rigid() > MEANT else None
+        made = _as_seen(clip, p, found) if p.unlike_rigid() > MEANT else None
         if made is not None:
             found[p.body.name] = made
     least = min(MIN_LIFE, len(clip.numbers))
@@ -171,9 +170,7 @@ def _is_rigid(proposal: eye.Proposal, track: eye.Track, followed: ObservedObject
     return len(apart) > 0.5 * len(proposal.regions) and float(np.median(apart)) < 1.0
 
 
-def _as_seen(
-    clip: Clip, proposal: eye.Proposal, others: dict[str, ObservedObject], white: float
-) -> ObservedObject | None:
+def _as_seen(clip: Clip, proposal: eye.Proposal, others: dict[str, ObservedObject]) -> ObservedObject | None:
     """Object of a proposal by its regions alone, without pixels of others."""
     count, height, width = clip.frames.shape[:3]
     masks = [np.zeros((height, width), bool) for _ in range(count)]
@@ -187,7 +184,7 @@ def _as_seen(
                 mask &= ~stored.decode()
         masks[region.frame] = mask
     _complete(clip, masks, proposal.body.radius(np.zeros(4)))
-    return describe(masks, clip.frames, [1.0] * count, [True] * count, white)
+    return describe({proposal.body.name: masks}, clip.frames).get(proposal.body.name)
 
 
 def _complete(clip: Clip, masks: list[Mask], reach: float) -> None:
