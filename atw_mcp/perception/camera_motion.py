@@ -170,6 +170,18 @@ def in_full_pixels(motion: Floats | None, scale: float) -> Floats | None:
     return np.round(full, 6)
 
 
+def steadied(points: Floats, motion: Floats | None, row: int) -> Floats:
+    """Return points (..., 2) [px] of a row's frame as the first frame's camera would have seen them."""
+    if motion is None:
+        return points
+    return np.asarray((points - motion[row, :, 2]) @ np.linalg.inv(motion[row, :, :2]).T)
+
+
+def filmed(points: Floats, motion: Floats | None, row: int) -> Floats:
+    """Return the inverse of `steadied`."""
+    return points if motion is None else np.asarray(points @ motion[row, :, :2].T + motion[row, :, 2])
+
+
 def as_filmed(mask: Mask, motion: Floats) -> Mask:
     """Return a mask (H, W) of a stabilised frame in that frame's own pixels."""
     size = (mask.shape[1], mask.shape[0])

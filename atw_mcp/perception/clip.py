@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from atw_mcp.perception.camera_motion import camera_motion, in_full_pixels, stabilised
+from atw_mcp.perception.camera_motion import camera_motion, filmed, in_full_pixels, stabilised, steadied
 from atw_mcp.perception.eye.regions import reduced
 from atw_mcp.perception.observation import ObservationError
 from atw_mcp.perception.video import Frames
@@ -47,13 +47,8 @@ class Clip:
 
     def steadied(self, points: Floats, row: int) -> Floats:
         """Return points (N, 2) [px] of a row's frame as they lie in the steady one."""
-        if self.motion is None:
-            return points
-        turn, shift = self.motion[row, :, :2], self.motion[row, :, 2]
-        return np.asarray((points - shift) @ np.linalg.inv(turn).T)
+        return steadied(points, self.motion, row)
 
     def filmed(self, points: Floats, row: int) -> Floats:
         """Return the inverse of `steadied`."""
-        if self.motion is None:
-            return points
-        return np.asarray(points @ self.motion[row, :, :2].T + self.motion[row, :, 2])
+        return filmed(points, self.motion, row)

@@ -56,14 +56,13 @@ def depth_tracks(
     count, n = len(observation.frames), len(observation.objects)
     positions, sigma = np.full((count, n, 3), np.nan), np.full((count, n), np.nan)
     confidence = np.zeros((count, n))
-    rays = _pixel_rays(camera)
     for column, observed in enumerate(observation.objects):
         if cancelled is not None and cancelled():
             raise PerceptionCancelled("cancelled")
         if progress is not None:
             progress(column / n, f"positions of {observed.name}")
         surfaces = {
-            t: _surface(observed, t, depth.depth[rows[frame]], rays, camera)
+            t: _surface(observed, t, depth.depth[rows[frame]], camera)
             for t, frame in enumerate(observation.frames)
             if frame in rows
         }
@@ -131,20 +130,10 @@ def shape_of_area(kind: str, area: float) -> BodyShape:
     return Sphere(radius=float(np.sqrt(area / np.pi)))
 
 
-def _pixel_rays(camera: Camera) -> Floats:
-    """Camera-axes directions (H, W, 3) of pixel centres, with third component 1."""
-    u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
-    rays: Floats = (
-        np.stack([u, v, np.ones_like(u)], axis=-1).astype(float) @ np.linalg.inv(np.asarray(camera.intrinsics)).T
-    )
-    return rays
-
-
 def _surface(
     observed: ObservedObject,
     row: int,
     depth: NDArray[np.float32],
-    rays: Floats,
     camera: Camera,
 ) -> tuple[Floats, float, float, float] | None:
     """Centroid of the visible surface (3,) [m], its noise [m], projected area [m^2], share of pixels with depth."""
@@ -155,12 +144,14 @@ def _surface(
     known = mask & np.isfinite(depth)
     if known.sum() < LEAST_PIXELS:
         return None
-    z = depth[known].astype(float)
+    v, u = np.nonzero(known)
+    z = depth[v, u].astype(float)
     middle = float(np.median(z))
     spread = 1.4826 * float(np.median(np.abs(z - middle)))
     keep = np.abs(z - middle) <= OUTLIER * max(spread, 1e-6 * middle)
-    points = rays[known][keep] * z[keep, None]
-    centroid = (points.mean(axis=0) - np.asarray(camera.translation)) @ np.asarray(camera.rotation)
+    rays = camera.rays(np.stack([u, v], axis=1)[keep].astype(float))
+    along = z[keep] / (rays @ np.asarray(camera.rotation)[2])  # of a ray, to a distance along the camera's axis
+    centroid = camera.centre + (along[:, None] * rays).mean(axis=0)
     noise = spread / np.sqrt(keep.sum())
     # A pixel at depth z covers (z / f)^2 across the line of sight.
     area = float(mask.sum()) * float(np.mean(z[keep])) ** 2 / (camera.intrinsics[0][0] * camera.intrinsics[1][1])

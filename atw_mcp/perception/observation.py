@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception import constraints as said
+from atw_mcp.perception.camera_motion import filmed, steadied
 from atw_mcp.perception.constraints import Constraint
 from atw_mcp.perception.known_scene import KnownScene
 from atw_mcp.perception.masks import Mask, RunLengthMask
@@ -177,17 +178,11 @@ class ImageObservation:
 
     def steadied(self, points: Floats, row: int) -> Floats:
         """Return points (..., 2) [px] of a row's frame as the first frame's camera would have seen them."""
-        if self.camera_motion is None:
-            return points
-        turn, shift = self.camera_motion[row, :, :2], self.camera_motion[row, :, 2]
-        steady: Floats = (points - shift) @ np.linalg.inv(turn).T
-        return steady
+        return steadied(points, self.camera_motion, row)
 
     def filmed(self, points: Floats, row: int) -> Floats:
         """Return the inverse of `steadied`."""
-        if self.camera_motion is None:
-            return points
-        return np.asarray(points @ self.camera_motion[row, :, :2].T + self.camera_motion[row, :, 2])
+        return filmed(points, self.camera_motion, row)
 
     def contours(self, name: str, frame: int) -> list[Floats]:
         """Outer outlines (k, 2) x, y [px] of an object's parts at a frame, largest first."""

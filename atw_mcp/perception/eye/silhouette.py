@@ -115,7 +115,8 @@ def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
     s, shape = scene.settings, scene.bodies[body]
     initial, pose = pose, pose.copy()
     free = shape.free
-    mixing = 1.0 if isinstance(shape, Outline) else GAMMA  # as its shape is learned: edges_beyond
+    drawn = isinstance(shape, Outline)  # it may be off to either side, and is learned from mixed levels: edges_beyond
+    mixing, outward = (1.0, 1.0) if drawn else (GAMMA, s.outward)
     sigma = 3.0 * shape.unit if prior is None else prior
     hold = np.diag(1 / np.maximum(np.append(sigma[free], shape.nuisance), 1e-9) ** 2)
     for reach in s.reaches[coarse:]:
@@ -138,7 +139,7 @@ def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
             left = distance - rates @ step
             shown = precision > 0
             scale = max(1.48 * float(np.median(np.abs(left[shown]))) if shown.any() else 0.0, s.edge_error)
-            limit = s.robust * scale * np.where(left > 0, s.outward, 1.0)
+            limit = s.robust * scale * np.where(left > 0, outward, 1.0)
             weight = precision / (1 + (left / limit) ** 2) ** 2
         limit = 0.8 * shape.unit[free]
         moved = pose.copy()
