@@ -18,6 +18,7 @@ from atw_mcp.perception.masks import window
 from atw_mcp.perception.observation import ImageObservation
 
 CLEARANCE = 2.5  # [px] from other objects and from the image's border within which an outline is not an object's own
+REACHES = (12.0, 8.0, 8.0, 8.0)  # [px] of normals: nothing near a mask misleads, and its solid may be of another size
 MARGIN = 20  # [px] around a mask: edges farther away are not searched for
 SMOOTH = 0.7  # [px] over which a mask's steps are averaged
 FARTHER = 1.02  # ratio of distances from which one object is surely behind another
@@ -30,7 +31,7 @@ class MaskScene(Scene):
     def __init__(
         self, observation: ImageObservation, bodies: Sequence[Solid], depths: Mapping[str, Floats] | None = None
     ) -> None:
-        settings = replace(EyeSettings(), reaches=EyeSettings().reaches[:-2])
+        settings = replace(EyeSettings(), reaches=REACHES)
         size = observation.video.height, observation.video.width
         nothing = np.broadcast_to(np.uint8(0), (len(observation.frames), *size, 3))
         flat = np.zeros((1, 1, 3), np.float32)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from atw_mcp.perception.eye import Solid
 from atw_mcp.perception.eye.silhouette import Fit
 from atw_mcp.perception.known_scene import Sized, same_plane, solid_body
+from atw_mcp.perception.lying import lies_better
 from atw_mcp.perception.mask_scene import MaskScene
 from atw_mcp.perception.observation import ImageObservation, ObservationError
 from atw_mcp.perception.places import Places, places_of, with_places
@@ -23,7 +24,6 @@ from polyworld.world.shapes import Cylinder
 
 Floats = NDArray[np.float64]
 
-LYING_PRICE = 0.07  # of misfit: errors of a quarter of a pixel all along an outline can favour lying, or standing
 SHOWN = 0.28  # share of a silhouette's normals whose edges are seen, below which they do not fix a pose: 100 degrees
 AGAIN = 1.5  # times the misfit of the frame before, from which on a box is tried at all angles
 DEFAULT_PLANE = MotionPlane()
@@ -108,8 +108,10 @@ def world_tracks(
             said = (lying or {}).get(name)
             ways = [replace(bodies[name], lies=lies) for lies in (False, True) if said in (None, lies)]
         rows = np.flatnonzero(observation.object(name).confidence > 0)
-        tried = [(body, _followed(MaskScene(observation, [body], depths), rows)) for body in ways]
-        body, fits = min(tried, key=lambda way: float(np.median(misfits(*way)) if way[1] else np.inf))
+        (body, fits), *others = [(body, _followed(MaskScene(observation, [body], depths), rows)) for body in ways]
+        for on_side, its in others:
+            if lies_better(misfits(fits), misfits(its)):
+                body, fits = on_side, its
         placed[name], sure[name] = _placed(observation, body, fits)
     return with_places(_nowhere(observation, seconds_per_frame), placed, sure)
 
@@ -137,18 +139,15 @@ def misfits_at_rest(
     plane: MotionPlane,
     rows: NDArray[np.intp],
 ) -> dict[bool, Floats]:
-    """Squared misfits (F,) [px^2] of the outlines of a cylinder that stands, or lies (True), on a plane in some rows.
-
-    That of lying bears its price.
-    """
+    """Squared misfits (F,) [px^2] of the outlines of a cylinder that stands, or lies (True), in some rows."""
     standing = solid_body(name, solid, camera, plane)
     bodies = [replace(standing, lies=lies) for lies in (False, True)]
-    return {body.lies: misfits(body, _followed(MaskScene(observation, [body]), rows)) for body in bodies}
+    return {body.lies: misfits(_followed(MaskScene(observation, [body]), rows)) for body in bodies}
 
 
-def misfits(body: Solid, fits: Mapping[int, Fit]) -> Floats:
-    """Squared misfits (F,) [px^2] of a solid's fits, in favour of standing ones where both are alike."""
-    return np.array([fit.misfit**2 for fit in fits.values()]) + (LYING_PRICE if body.lies else 0.0)
+def misfits(fits: Mapping[int, Fit]) -> Floats:
+    """Squared misfits (F,) [px^2] of a solid's fits."""
+    return np.array([fit.misfit**2 for fit in fits.values()])
 
 
 def _followed(scene: MaskScene, rows: NDArray[np.intp]) -> dict[int, Fit]:

@@ -13,6 +13,7 @@ from atw_mcp.perception.flight.dividing import Divided, divided
 from atw_mcp.perception.flight.settings import FlightSettings
 from atw_mcp.perception.flight.sightings import Sightings, Solid, sightings
 from atw_mcp.perception.flight.surfaces import Surface, is_covered, surfaces_of
+from atw_mcp.perception.lying import lies_better
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.tracks import misfits_at_rest, world_tracks
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled
@@ -153,14 +154,15 @@ def _rest(seen: ImageObservation, camera: Camera, name: str, solid: Solid, parts
     """Check whether a cylinder lies, by its outline on all surfaces together; empty for other solids."""
     if not isinstance(solid, Cylinder):
         return {}
-    misfits: dict[bool, list[Floats]] = {}
+    misfits: dict[bool, list[Floats]] = {False: [], True: []}
     for part in parts.stretches:
         if part.surface is not None:
             rows = np.arange(part.first, part.last + 1)
             for lies, own in misfits_at_rest(seen, camera, name, solid, _plane(part.surface), rows).items():
-                misfits.setdefault(lies, []).append(own)
-    usual = {lies: float(np.median(np.concatenate(own))) for lies, own in misfits.items() if any(map(len, own))}
-    return {name: min(usual, key=lambda lies: usual[lies])} if usual else {}
+                misfits[lies].append(own)
+    if not misfits[True]:
+        return {}
+    return {name: lies_better(np.concatenate(misfits[False]), np.concatenate(misfits[True]))}
 
 
 def _not_settled(places: Floats, camera: Camera, solid: Solid) -> Floats:
