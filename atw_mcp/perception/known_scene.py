@@ -9,11 +9,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
-from scipy.spatial import ConvexHull
 
 from atw_mcp.perception.eye import Solid
 from atw_mcp.perception.eye.bodies import FAR, FLOOR
-from atw_mcp.perception.flight.surfaces import Surface, surfaces_of
+from atw_mcp.perception.flight.surfaces import Surface, crossed, surfaces_of
 from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
 from polyworld.world.geometry import plane_axes
@@ -115,21 +114,13 @@ def same_plane(one: MotionPlane, other: MotionPlane) -> bool:
 def fixture_depths(fixtures: Sequence[Floats], camera: Camera, shape: tuple[int, int]) -> NDArray[np.float32]:
     """Return the distance along the camera's axis (H, W) [m] of the nearest convex solid, infinite where there is none.
 
-    fixtures: corners (n, 3) of each [m]. A ray enters a convex solid at the last of the planes that it crosses inwards,
-    and misses it where it crosses one outwards before (Cyrus & Beck 1978, Computers & Graphics 3:23).
+    fixtures: corners (n, 3) of each [m].
     """
     nearest = np.full(shape, np.inf)
     v, u = np.mgrid[0 : shape[0], 0 : shape[1]]
     rays = camera.rays(np.stack([u, v], axis=-1).astype(float))
     rays = rays / (camera.to_camera(camera.centre + rays)[..., 2:])
     for corners in fixtures:
-        planes = ConvexHull(corners).equations
-        enter, leave = np.zeros(shape), np.full(shape, np.inf)
-        for plane in planes:
-            towards = rays @ plane[:3]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                crossed = -(float(plane[:3] @ camera.centre) + plane[3]) / towards
-            enter = np.where(towards < 0.0, np.maximum(enter, crossed), enter)
-            leave = np.where(towards > 0.0, np.minimum(leave, crossed), leave)
+        enter, leave = crossed(rays, camera.centre, corners)
         nearest = np.where((enter < leave) & (enter > 0.0), np.minimum(nearest, enter), nearest)
     return np.asarray(nearest, dtype=np.float32)

@@ -13,7 +13,6 @@ from atw_mcp.perception.eye.likelihood import Scene
 from atw_mcp.perception.eye.pixels import Array, Background, Film, Floats, Mask, sampled
 from atw_mcp.perception.eye.settings import EyeSettings
 from atw_mcp.perception.eye.silhouette import Fit, fit_pose
-from atw_mcp.perception.eye.states import in_view
 from atw_mcp.perception.masks import window
 from atw_mcp.perception.observation import ImageObservation
 
@@ -79,17 +78,10 @@ class MaskScene(Scene):
     def placed(self, body: int, frame: int) -> Floats | None:
         """Pose (4,) at which a body's silhouette lies about its mask; None where it has no such place."""
         shape = self.bodies[body]
+        assert isinstance(shape, Solid)
         left, top, width, height = self._observation.object(shape.name).box[frame]
         middle = self._observation.steadied(np.array([left + 0.5 * (width - 1), top + 0.5 * (height - 1)]), frame)
-        aim = middle.copy()
-        pose = np.full(4, np.nan)
-        for _ in range(3):
-            pose = shape.placed(aim, np.zeros(4))
-            if not in_view(self, body, pose) or shape.depth(pose) <= 0:
-                return None
-            polygon = shape.polygon(pose)
-            aim = aim + middle - 0.5 * (polygon.min(axis=0) + polygon.max(axis=0))
-        return pose
+        return shape.about(middle)
 
     def fit(self, body: int, frame: int, near: Floats | None = None) -> Fit | None:
         """Pose that a body's mask shows best, from one (4,) near or from all angles; None where it has no place."""

@@ -59,7 +59,7 @@ class SolidEstimate:
         }
 
 
-def estimated(
+def estimate_size(
     observation: ImageObservation, name: str, camera: Camera, plane: MotionPlane, kinds: Sequence[SolidKind]
 ) -> SolidEstimate | None:
     """Estimate which solid of some kinds an object is, and its sizes; None where no frame shows it on the plane."""

@@ -15,7 +15,7 @@ from atw_mcp.perception.lying import lies_better
 from atw_mcp.perception.mask_scene import MaskScene
 from atw_mcp.perception.observation import ImageObservation, ObservationError
 from atw_mcp.perception.places import Places, places_of, with_places
-from atw_mcp.perception.sizes import SolidEstimate, SolidKind, estimated
+from atw_mcp.perception.sizes import SolidEstimate, SolidKind, estimate_size
 from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane
@@ -61,7 +61,7 @@ def estimate_sizes(
             options = ("sphere", "cylinder", "cube", "box")
         if kinds is not None and name in kinds:
             options = (kinds[name],)
-        found = estimated(observation, name, camera, plane, options)
+        found = estimate_size(observation, name, camera, plane, options)
         if found is not None:
             result[name] = found
     return result

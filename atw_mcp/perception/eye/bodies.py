@@ -193,6 +193,19 @@ class Solid:
         place = nearest - np.asarray(self.plane.point)
         return np.array([place @ axes[0], place @ axes[1], like[2], like[3]])
 
+    def about(self, middle: Floats, angle: float = 0.0) -> Floats | None:
+        """Pose whose silhouette's box has its middle at a pixel (2,); None where there is no such place."""
+        aim, pose = middle.copy(), np.zeros(4)
+        for _ in range(3):
+            pose = self.placed(aim, np.array([0.0, 0.0, angle, 0.0]))
+            if not np.isfinite(pose).all() or self.depth(pose) <= 0 or self.under_floor(pose):
+                return None
+            polygon = self.polygon(pose)
+            if not np.isfinite(polygon).all():
+                return None
+            aim = aim + middle - 0.5 * (polygon.min(axis=0) + polygon.max(axis=0))
+        return pose
+
     def under_floor(self, pose: Floats) -> bool:
         """Whether the centre is below the floor, as of a shadow that is taken for the body."""
         return self.upright and self.floor is not None and bool(self.middle(pose)[2] < self.floor)

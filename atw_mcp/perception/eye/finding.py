@@ -340,29 +340,20 @@ def _overlap(body: Solid, outline: Floats) -> tuple[float, float, float]:
     middle = 0.5 * (outline.min(axis=0) + outline.max(axis=0))
     laid = [replace(body, lies=True)] if body.kind == "cylinder" and not body.upright else []
     for solid, angle in ((b, a) for b in (body, *laid) for a in b.angles()):
-        aim = middle.copy()
-        for _ in range(3):
-            pose = solid.placed(aim, np.array([0.0, 0.0, angle, 0.0]))
-            if not np.isfinite(pose).all() or solid.depth(pose) <= 0 or solid.under_floor(pose):
-                break
-            polygon = solid.polygon(pose)
-            if not np.isfinite(polygon).all():
-                break
-            aim = aim + middle - 0.5 * (polygon.min(axis=0) + polygon.max(axis=0))
-        else:
-            both = np.concatenate([polygon, outline])
-            if np.ptp(both) > 10 * np.ptp(outline):
-                continue
-            area = max(float(cv2.contourArea(polygon.astype(np.float32))), 1.0)
-            centre = 0.5 * (polygon.min(axis=0) + polygon.max(axis=0))
-            shares = []
-            for own_size in (polygon, centre + (polygon - centre) * np.sqrt(own / area)):
-                both = np.concatenate([own_size, outline])
-                low = np.floor(both.min(axis=0)) - 1
-                size = tuple(int(n) for n in np.ceil((both.max(axis=0) - low) * scale) + 2)
-                one, other = (filled((p - low) * scale, (0, 0), (size[0], size[1])) for p in (own_size, outline))
-                shares.append(float((one & other).sum() / max((one | other).sum(), 1)))
-            best = max(best, (shares[0], area, shares[1]))
+        pose = solid.about(middle, angle)
+        polygon = None if pose is None else solid.polygon(pose)
+        if polygon is None or np.ptp(np.concatenate([polygon, outline])) > 10 * np.ptp(outline):
+            continue
+        area = max(float(cv2.contourArea(polygon.astype(np.float32))), 1.0)
+        centre = 0.5 * (polygon.min(axis=0) + polygon.max(axis=0))
+        shares = []
+        for own_size in (polygon, centre + (polygon - centre) * np.sqrt(own / area)):
+            both = np.concatenate([own_size, outline])
+            low = np.floor(both.min(axis=0)) - 1
+            size = tuple(int(n) for n in np.ceil((both.max(axis=0) - low) * scale) + 2)
+            one, other = (filled((p - low) * scale, (0, 0), (size[0], size[1])) for p in (own_size, outline))
+            shares.append(float((one & other).sum() / max((one | other).sum(), 1)))
+        best = max(best, (shares[0], area, shares[1]))
     return best
 
 

@@ -145,11 +145,15 @@ def learn_background(film: Film, covered: NDArray[np.bool_]) -> Background:
         around = cv2.dilate(hole.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0
         feature = np.stack([diffused(feature[..., c], around) for c in range(3)], axis=-1)
     noise = np.maximum(_noise(film, frames, feature, covered), settings.noise_floor).astype(np.float32)
-    gradients = [
+    return Background(feature, displaced_edges(feature, settings), noise)
+
+
+def displaced_edges(feature: Array, settings: EyeSettings) -> Array:
+    """Change (H, W, 3) of features (H, W, 3) where edges are displaced by as much as they may be."""
+    slopes = [
         np.hypot(cv2.Sobel(f, -1, 1, 0, scale=0.125), cv2.Sobel(f, -1, 0, 1, scale=0.125)) for f in cv2.split(feature)
     ]
-    edges = (np.stack(gradients, axis=-1) * settings.sharp).astype(np.float32)
-    return Background(feature, edges, noise)
+    return np.asarray(np.stack(slopes, axis=-1) * settings.sharp, dtype=np.float32)
 
 
 def _averaged(frames: Bytes, middle: Array) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from atw_mcp.perception.eye.pixels import Array, Bytes, Floats, Mask, features
+from atw_mcp.perception.eye.pixels import Array, Bytes, Floats, Mask, displaced_edges, features
 from atw_mcp.perception.eye.settings import EyeSettings
 
 
@@ -99,14 +99,7 @@ def _still(sample: Bytes, settings: EyeSettings) -> Still:
     noise = 1.48 * np.median(steps, axis=0)
     common = np.maximum(1.48 * np.median(steps, axis=(0, 1, 2)), settings.noise_floor)
     noise = np.minimum(cv2.GaussianBlur(noise, (0, 0), 1.5), 10 * common)
-    edges = np.stack(
-        [
-            np.hypot(cv2.Sobel(f, -1, 1, 0, scale=0.125), cv2.Sobel(f, -1, 0, 1, scale=0.125))
-            for f in cv2.split(feature)
-        ],
-        axis=-1,
-    )
-    spread = np.sqrt(np.maximum(noise, common) ** 2 + (settings.sharp * edges) ** 2)
+    spread = np.sqrt(np.maximum(noise, common) ** 2 + displaced_edges(feature, settings) ** 2)
     strong = apart[(np.abs(apart[..., 0]) > 6 * spread[..., 0]) & (apart[..., 0] < -0.15)]
     return Still(feature, spread.astype(np.float32), _tint(strong))
 

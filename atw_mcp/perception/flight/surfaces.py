@@ -81,16 +81,25 @@ def is_covered(
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         end = (floor.point + lift * floor.normal - centre) @ floor.normal / (directions @ floor.normal)
+    before = np.where(end > 0.0, end - lift, np.inf)
     covered = np.zeros(len(directions), dtype=bool)
     for corners in fixtures.values():
-        equations = ConvexHull(corners).equations
-        enter, leave = np.zeros(len(directions)), np.where(end > 0.0, end - lift, np.inf)
-        for equation in equations:  # inside: normal . (centre + s direction) + offset < 0
-            rate, start = directions @ equation[:3], float(centre @ equation[:3] + equation[3])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                meets = -start / rate
-            enter = np.where(rate < 0.0, np.maximum(enter, meets), enter)
-            leave = np.where(rate > 0.0, np.minimum(leave, meets), leave)
-            leave = np.where((rate == 0.0) & (start > 0.0), -np.inf, leave)
-        covered |= enter < leave
+        enter, leave = crossed(directions, centre, corners)
+        covered |= enter < np.minimum(leave, before)
     return covered
+
+
+def crossed(directions: Floats, origin: Floats, corners: Floats) -> tuple[Floats, Floats]:
+    """Distances (...) at which rays (..., 3) enter and leave a convex solid; what they leave first they miss.
+
+    They enter at the last of the planes that they cross inwards (Cyrus & Beck 1978, Computers & Graphics 3:23).
+    """
+    enter, leave = np.zeros(directions.shape[:-1]), np.full(directions.shape[:-1], np.inf)
+    for equation in ConvexHull(corners).equations:  # inside: normal . (origin + s direction) + offset < 0
+        rate, start = directions @ equation[:3], float(origin @ equation[:3] + equation[3])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            meets = -start / rate
+        enter = np.where(rate < 0.0, np.maximum(enter, meets), enter)
+        leave = np.where(rate > 0.0, np.minimum(leave, meets), leave)
+        leave = np.where((rate == 0.0) & (start > 0.0), -np.inf, leave)
+    return enter, leave
