@@ -17,7 +17,7 @@ from atw_mcp.perception.masks import window
 from atw_mcp.perception.observation import ImageObservation
 
 CLEARANCE = 2.5  # [px] from other objects and from the image's border within which an outline is not an object's own
-REACHES = (12.0, 8.0, 8.0, 8.0)  # [px] of normals: nothing near a mask misleads, and its solid may be of another size
+REACHES = (12.0, 8.0, 6.0, 6.0)  # [px] of normals: nothing near a mask misleads, and its solid may be of another size
 MARGIN = 20  # [px] around a mask: edges farther away are not searched for
 SMOOTH = 0.7  # [px] over which a mask's steps are averaged
 FARTHER = 1.02  # ratio of distances from which one object is surely behind another
