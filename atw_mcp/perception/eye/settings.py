@@ -37,6 +37,7 @@ class EyeSettings:
     shade_chroma: float = 0.05  # chroma error per unit of darkening: the added dark level bends it
     shade_reach: float = 4.0  # [radii] around a body over which its shade is learned
     shade_cells: int = 40  # along each axis of that
+    shade_blur: float = 0.6  # [cells] smoothness
     edge_band: float = 1.5  # [px] along a silhouette from which neither body nor background is learned: mixed pixels
 
     # silhouettes

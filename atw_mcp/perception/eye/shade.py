@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from atw_mcp.perception.eye.pixels import Array, Floats, Mask, diffused, sampled
@@ -47,7 +48,9 @@ def learn_shade(seen: list[tuple[Array, Mask]], settings: EyeSettings) -> Shade 
     spread = 1.48 * np.take_along_axis(apart, np.maximum((count - 1) // 2, 0)[None], axis=0)[0]
     middle = diffused(np.nan_to_num(middle), known)
     spread = diffused(np.nan_to_num(spread), known & (count > 2))
-    return Shade(np.stack([middle, spread], axis=-1).astype(np.float32), settings.shade_reach)
+    blur = settings.shade_blur
+    grid = np.stack([cv2.GaussianBlur(middle, (0, 0), blur), cv2.GaussianBlur(spread, (0, 0), blur)], axis=-1)
+    return Shade(grid.astype(np.float32), settings.shade_reach)
 
 
 def shade_places(settings: EyeSettings) -> Floats:
