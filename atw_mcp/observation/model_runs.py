@@ -55,7 +55,8 @@ from atw_mcp.perception.calibration import CalibrationError
 from atw_mcp.perception.masks import Mask
 from atw_mcp.perception.observation import ImageObservation, ObservationError
 from atw_mcp.perception.video import load
-from atw_mcp.worlds.building import ObservedObject, hull_vertices
+from atw_mcp.worlds.building import ObservedObject
+from atw_mcp.worlds.heights import hull_vertices
 from evidence_store import Case, Content
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane

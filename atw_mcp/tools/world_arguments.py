@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, WithJsonSchema
 
-from atw_mcp.worlds.building import Given, hull_vertices
+from atw_mcp.worlds.building import Given
+from atw_mcp.worlds.heights import hull_vertices
 from atw_mcp.worlds.parts import parts_schema
 from polyworld.effects import CATALOGUE
 from polyworld.world import Effect, MotionPlane, StaticObject
