@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.declared import bounds_in_coordinates
+from polyworld.estimation.differences import coloured, difference_slopes
 from polyworld.estimation.fit_settings import DescentSettings
 from polyworld.estimation.machines import Machines
-from polyworld.estimation.problem import Block, Evaluated, Flags, Ints, evaluate, link_start
+from polyworld.estimation.problem import Block, Evaluated, evaluate, link_start
+from polyworld.estimation.robust import huber_loss, huber_weights, inverse
 from polyworld.estimation.unknown import Unknown
 
 Array = NDArray[np.float64]
@@ -200,7 +202,7 @@ class Problem:
                 inside = centre + steps <= np.concatenate([self.upper, np.full(n, np.inf)])
                 moved = centre + np.where(inside, steps, -steps)
                 index, touched = np.arange(s + n), block.touched(self.shared)
-                colour = _coloured(touched)
+                colour = coloured(touched)
                 count = int(colour.max(initial=-1)) + 1
                 points = np.repeat(centre[None], count + 1, axis=0)
                 points[1 + colour, index] = moved
@@ -214,9 +216,9 @@ class Problem:
                 ours, ends = touched[:, measured], touched[:, linked]
             end = None
             if one.end is not None:
-                of_end = _slopes(one.end, colour, width, ends)
+                of_end = difference_slopes(one.end, colour, width, ends)
                 end = (one.end[0], of_end[:, :s], of_end[:, s:])
-            every = _slopes(one.residuals, colour, width, ours)
+            every = difference_slopes(one.residuals, colour, width, ours)
             found.append(Linearised(one.residuals[0], every[:, :s], every[:, s:], end))
         return found
 
@@ -392,44 +394,3 @@ class Problem:
                 start, _ = link_start(run[b + 1], run[b], states[b + 1][None])
                 found.append(float(np.sqrt(np.mean((one.end - start) ** 2))))
         return tuple(found)
-
-
-def _slopes(values: Array, colour: Ints, width: Array, moved: Flags | None) -> Array:
-    """Return slopes (m, K) of values (1 + colours, m) by coordinates that were moved together by colour.
-
-    width (K, 1): of the moves. moved (K, m): which values a coordinate can move; None where it may move all.
-    """
-    change = (values[1:] - values[0])[colour] / width
-    found: Array = (change if moved is None else change * moved).T
-    return found
-
-
-def _coloured(touched: Flags) -> Ints:
-    """Return a colour for every coordinate (K,): those of one colour move different groups (K, G)."""
-    used: list[Flags] = []
-    found = np.zeros(len(touched), dtype=np.int64)
-    for i, row in enumerate(touched):
-        free = next((c for c, taken in enumerate(used) if not (taken & row).any()), len(used))
-        if free == len(used):
-            used.append(np.zeros(len(row), dtype=bool))
-        used[free] = used[free] | row
-        found[i] = free
-    return found
-
-
-def inverse(own: Array) -> Array:
-    """Return the inverse of the information of states (n, n), some of which nothing may show."""
-    return np.asarray(np.linalg.pinv(own + 1e-9 * np.eye(len(own)), hermitian=True) if len(own) else own)
-
-
-def huber_loss(residuals: Array, threshold: float) -> Array:
-    """Return Huber's loss, r^2 for small r."""
-    size = np.abs(residuals)
-    loss: Array = np.where(size <= threshold, size**2, 2.0 * threshold * size - threshold**2)
-    return loss
-
-
-def huber_weights(residuals: Array, threshold: float) -> Array:
-    """Return the weights with which squares have the slope of Huber's loss."""
-    weights: Array = np.minimum(1.0, threshold / np.maximum(np.abs(residuals), 1e-300))
-    return weights

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.data.recording import Recording
-from polyworld.estimation.least_squares import huber_weights
 from polyworld.estimation.readout import CHANNELS
+from polyworld.estimation.robust import huber_weights
 from polyworld.estimation.unknown import Unknown
 from polyworld.gap.fitting import Fitted, fit, robust_scale
 from polyworld.gap.ground import Ground, ground_of

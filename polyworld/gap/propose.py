@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polyworld.estimation.least_squares import Point
-from polyworld.estimation.least_squares import huber_weights as weights
+from polyworld.estimation.robust import huber_weights as weights
 from polyworld.gap.candidate import Candidate
 from polyworld.gap.cross_validation import FARTHEST
 from polyworld.gap.fitting import Fitted, fit
