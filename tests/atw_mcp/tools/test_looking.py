@@ -19,7 +19,7 @@ from atw_mcp.demo.truth import FOLDER
 from atw_mcp.looking.overlay import ROOM
 from atw_mcp.observation.observing import latest_image_observation
 from atw_mcp.perception.tracks import estimate_sizes, world_tracks
-from atw_mcp.tools import construction, looking, measurement, observation, opening
+from atw_mcp.tools import construction, looking, measurement, observation, opening, rollout_pictures
 from polyworld.edits.interventions import Remove, branch
 from polyworld.world import TimeBase
 from polyworld.world.camera import Camera
@@ -154,7 +154,7 @@ def test_scale_of_pictures_is_said_where_it_is_not_one(app: App) -> None:
 
 
 def test_world_is_drawn_over_the_frames_with_its_error(app: App) -> None:
-    answer = looking.inspect_rollout(app, CASE, frames=[0, 70])
+    answer = rollout_pictures.inspect_rollout(app, CASE, frames=[0, 70])
     first, last = ({item["name"]: item for item in row["objects"]} for row in answer.data["frames"])
     assert answer.data["frames"][0]["over_video"]
     for name in ("red_cylinder", "blue_cube", "yellow_cylinder", "green_cube"):
@@ -170,7 +170,7 @@ def test_world_is_drawn_over_the_frames_with_its_error(app: App) -> None:
 
 
 def test_text_beside_pictures_has_one_row_for_each_object_and_its_worst_frame(app: App) -> None:
-    answer = looking.inspect_rollout(app, CASE, frames=list(range(0, 72, 8)))
+    answer = rollout_pictures.inspect_rollout(app, CASE, frames=list(range(0, 72, 8)))
     assert answer.shown is not None
     rows = {row["name"]: row for row in answer.shown["objects"]}
     assert len(rows) == len(answer.shown["objects"]) == 4
@@ -179,7 +179,9 @@ def test_text_beside_pictures_has_one_row_for_each_object_and_its_worst_frame(ap
         # All observed frames are compared, those shown among them.
         assert row["worst_error_m"] >= max(i["error_m"] for i in each.values() if "error_m" in i) - 1e-3
         assert row["worst_error_m"] >= row["position_rmse"]
-        (there,) = looking.inspect_rollout(app, CASE, frames=[row["worst_at_frame"]], objects=[name]).data["frames"]
+        (there,) = rollout_pictures.inspect_rollout(app, CASE, frames=[row["worst_at_frame"]], objects=[name]).data[
+            "frames"
+        ]
         assert there["objects"][0]["error_m"] == pytest.approx(row["worst_error_m"], abs=1e-3)
         assert row["mean_overlap"] == pytest.approx(np.mean([i["overlap"] for i in each.values()]), abs=1e-3)
     assert len(json.dumps(answer.shown)) < 0.5 * len(json.dumps(answer.data))
@@ -198,7 +200,7 @@ def test_time_is_called_the_files_until_a_world_has_its_own(app: App, tmp_path: 
 def test_draft_is_shown_over_the_observed_frames_and_the_way_beyond_is_named(app: App) -> None:
     for beyond in ({"frames": [99]}, {"interval": [0.0, 9.0]}):
         with pytest.raises(ToolError, match=r"observed frames only. Next: CommitWorld\(.*Rollout\(.*horizon_seconds"):
-            looking.inspect_rollout(app, CASE, **beyond)
+            rollout_pictures.inspect_rollout(app, CASE, **beyond)
 
 
 def test_branch_is_drawn_on_its_own_and_not_measured_against_the_video(app: App) -> None:
@@ -206,7 +208,7 @@ def test_branch_is_drawn_on_its_own_and_not_measured_against_the_video(app: App)
     base = app.world(case)
     without = branch(base, [Remove(object="blue_cube")])
     app.keep_world(case, without, how="intervention", parent=base, detail={"edits": []})
-    answer = looking.inspect_rollout(app, CASE, world=without.id, frames=[40])
+    answer = rollout_pictures.inspect_rollout(app, CASE, world=without.id, frames=[40])
     assert answer.data["branch"]
     assert not answer.data["frames"][0]["over_video"]
     assert answer.data["error"] is None
@@ -218,8 +220,8 @@ def test_world_without_a_video_is_drawn_as_far_as_asked(tmp_path: Path) -> None:
     world = two_discs().model_copy(update={"time": TimeBase(seconds_per_frame=0.02), "camera": None})
     case_with(app, world, committed=False)
     with pytest.raises(ToolError, match=r"interval=\[0, SECONDS\]"):
-        looking.inspect_rollout(app, "discs")
-    answer = looking.inspect_rollout(app, "discs", interval=[0.0, 0.4], pictures=2)
+        rollout_pictures.inspect_rollout(app, "discs")
+    answer = rollout_pictures.inspect_rollout(app, "discs", interval=[0.0, 0.4], pictures=2)
     assert [row["frame"] for row in answer.data["frames"]] == [0, 20]
     striker = answer.data["frames"][1]["objects"][0]
     assert striker["position"][0] == pytest.approx(0.4, abs=1e-6)  # 1 m/s, no friction, no collision yet
@@ -228,7 +230,7 @@ def test_world_without_a_video_is_drawn_as_far_as_asked(tmp_path: Path) -> None:
 
 
 def test_pictures_of_one_result_fit_into_a_message(app: App) -> None:
-    answer = looking.inspect_rollout(app, CASE, world=app.store.cases.worlds(CASE)[0][0], pictures=12)
+    answer = rollout_pictures.inspect_rollout(app, CASE, world=app.store.cases.worlds(CASE)[0][0], pictures=12)
     assert len(answer.pictures) == 13  # the last: where and when the world is off
     assert sum(map(len, answer.pictures.values())) <= ROOM
 
@@ -238,9 +240,12 @@ def test_pictures_of_one_result_fit_into_a_message(app: App) -> None:
     [
         (lambda app: looking.inspect_frames(app, CASE, frames=[72]), r"\[72\] are outside the video: .*0\.\.71"),
         (lambda app: looking.inspect_frames(app, CASE, objects=["pink ball"]), "no object 'pink ball'.*blue_cube"),
-        (lambda app: looking.inspect_rollout(app, CASE, frames=[99]), r"outside the rollout: choose among 0\.\.71"),
-        (lambda app: looking.inspect_rollout(app, CASE, rollout="rollout-00"), "Next: Rollout"),
-        (lambda app: looking.inspect_rollout(app, CASE, rollout="rollout-00", world="w"), "not both"),
+        (
+            lambda app: rollout_pictures.inspect_rollout(app, CASE, frames=[99]),
+            r"outside the rollout: choose among 0\.\.71",
+        ),
+        (lambda app: rollout_pictures.inspect_rollout(app, CASE, rollout="rollout-00"), "Next: Rollout"),
+        (lambda app: rollout_pictures.inspect_rollout(app, CASE, rollout="rollout-00", world="w"), "not both"),
         (lambda app: looking.inspect_observed_motion(app, CASE, "blue"), "did you mean|no object 'blue'"),
         (lambda app: looking.inspect_observed_motion(app, CASE, "blue_cube", frames=[0, 99]), "reaches outside"),
     ],
@@ -257,4 +262,4 @@ def test_nothing_observed_yet_says_what_to_call(tmp_path: Path) -> None:
     with pytest.raises(ToolError, match="Next: ObserveObjects"):
         looking.inspect_observed_motion(app, "new", "red_cylinder")
     with pytest.raises(ToolError, match="BuildWorld"):
-        looking.inspect_rollout(app, "new")
+        rollout_pictures.inspect_rollout(app, "new")
