@@ -17,7 +17,7 @@ from polyworld.world import World
 TURNED = 0.1  # [rad]; smaller rotation errors are never doubted
 OVERSTATED = 3.0  # times the error of a fit from which the stated noise is doubted; chance explains no such factor
 SLACK = 2.0  # standard deviations of a link beyond which a collision is not what its bodies' restitution says
-BETTER = 0.8  # of a fit's errors below which an earlier one is named: errors of a few bodies scatter by less
+BETTER = 0.8  # of a fit's errors below which an earlier one is named: less is not worth a second look
 ROWS = 8  # rows of `undetermined` shown
 LATEST = 20  # cases of a store that are considered for a common study: each is read, however large the store grows
 CONTACTS = (

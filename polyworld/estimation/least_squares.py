@@ -18,7 +18,7 @@ from polyworld.estimation.differences import coloured, difference_slopes
 from polyworld.estimation.fit_settings import DescentSettings
 from polyworld.estimation.machines import Machines
 from polyworld.estimation.problem import Block, Evaluated, evaluate, link_start
-from polyworld.estimation.robust import huber_loss, huber_weights, inverse
+from polyworld.estimation.robust import huber_loss, huber_weights
 from polyworld.estimation.unknown import Unknown
 
 Array = NDArray[np.float64]
@@ -243,9 +243,7 @@ class Problem:
                 missed = new - was - by_shared @ change[:s] - by_states @ change[s:]
                 return new, by_shared + np.outer(missed, along[:s]), by_states + np.outer(missed, along[s:])
 
-            end = None
-            if one.end is not None and old.end is not None:
-                end = corrected(one.end[0], *old.end)
+            end = None if one.end is None or old.end is None else corrected(one.end[0], *old.end)
             found.append(Linearised(*corrected(one.residuals[0], old.residuals, old.shared, old.states), end))
         return self._assembled(at, found)
 
@@ -394,3 +392,8 @@ class Problem:
                 start, _ = link_start(run[b + 1], run[b], states[b + 1][None])
                 found.append(float(np.sqrt(np.mean((one.end - start) ** 2))))
         return tuple(found)
+
+
+def inverse(own: Array) -> Array:
+    """Return the inverse of the information of states (n, n), some of which nothing may show."""
+    return np.asarray(np.linalg.pinv(own + 1e-9 * np.eye(len(own)), hermitian=True) if len(own) else own)

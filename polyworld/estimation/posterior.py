@@ -18,9 +18,9 @@ from scipy.optimize import brentq
 from scipy.special import logsumexp
 from scipy.stats import multivariate_t
 
-from polyworld.estimation.least_squares import Minimum, Problem
+from polyworld.estimation.least_squares import Minimum, Problem, inverse
 from polyworld.estimation.problem import link_start
-from polyworld.estimation.robust import huber_loss, huber_weights, inverse
+from polyworld.estimation.robust import huber_loss, huber_weights
 
 Array = NDArray[np.float64]
 FLATTEST = -30.0  # logarithm of the power of weights at which all draws count

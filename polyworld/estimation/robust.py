@@ -1,4 +1,4 @@
-"""Huber's loss and its weights, and inverses of what may show nothing."""
+"""Huber's loss and its weights."""
 
 from __future__ import annotations
 
@@ -19,8 +19,3 @@ def huber_weights(residuals: Array, threshold: float) -> Array:
     """Return the weights with which squares have the slope of Huber's loss."""
     weights: Array = np.minimum(1.0, threshold / np.maximum(np.abs(residuals), 1e-300))
     return weights
-
-
-def inverse(own: Array) -> Array:
-    """Return the inverse of the information of states (n, n), some of which nothing may show."""
-    return np.asarray(np.linalg.pinv(own + 1e-9 * np.eye(len(own)), hermitian=True) if len(own) else own)

@@ -74,6 +74,8 @@ def test_a_ball_that_rolls_has_rolling_resistance_and_says_nothing_of_friction(l
     assert found.rolling == "rolls"
     assert found.constant("rolling resistance of ball").value == pytest.approx(lever, abs=0.1 * lever + 6e-4)
     assert found.constant("friction of ball").informed < 0.5
+    low, high = found.constant("restitution of ball").interval  # nothing bounces: the prior of balls, not of all
+    assert (low, high) == pytest.approx((0.7 - 1.28 * 0.2, 0.7 + 1.28 * 0.2), abs=0.08)
 
 
 def test_a_ball_launched_without_spin_slides_until_it_rolls() -> None:
