@@ -15,9 +15,7 @@ from polyworld.world import World
 from polyworld.world.materials import material_of
 
 # Loaded when first launched: which of them a world needs depends on its parameters.
-_LATER = frozenset(
-    {"solids_plastic", "solids_viscous", "viscosity", "serial_viscosity", "parallel_viscosity", "tension"}
-)
+_LATER = frozenset({"solids_plastic", "solids_viscous", "viscosity", "viscosity_solve", "tension"})
 
 
 def load_kernels(world: World) -> None:
@@ -34,7 +32,6 @@ def load_kernels(world: World) -> None:
         unneeded |= {"attachment_ropes"}
     if fluids_alone:
         unneeded |= {"immersed"}
-    unneeded |= {"parallel"} if buffers.device().is_cpu else {"serial"}
     if not (world.emitters or world.drains):
         unneeded |= {"sources"}
     if not (world.objects or world.statics):

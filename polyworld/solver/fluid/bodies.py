@@ -21,9 +21,9 @@ def clear_wrench(wetted: Wetted, w: int) -> None:
 
 
 @wp.func(inline=False)
-def add_wrench(grid: Grid, wetted: Wetted, w: int, lane: int, p: wp.array[wp.float64]) -> None:
-    """Add force and torque (per metre in a plane) of pressures p on a lane's share of the faces of every body."""
-    for m in range(lane, wetted.count[w], grid.lanes):
+def add_wrench(grid: Grid, wetted: Wetted, w: int, p: wp.array[wp.float64]) -> None:
+    """Add force and torque (per metre in a plane) of pressures p on the faces of every body."""
+    for m in range(wetted.count[w]):
         e = wetted.touching[w, m]
         push = wetted.cover[w, e] * (p[wetted.lower[w, e]] - p[wetted.upper[w, e]])
         push = grid.area * (push + wetted.through[w, e] * p[wetted.beside[w, e]])
@@ -51,9 +51,9 @@ def respond(grid: Grid, solids: Solids, bodies: wp.array2d[Body], wetted: Wetted
 
 
 @wp.func(inline=False)
-def add_outflow(grid: Grid, wetted: Wetted, w: int, lane: int, y: wp.array[wp.float64], none: int) -> None:
-    """Add to y the divergence of push and spin at a lane's share of the faces [1/s]."""
-    for m in range(lane, wetted.count[w], grid.lanes):
+def add_outflow(grid: Grid, wetted: Wetted, w: int, y: wp.array[wp.float64], none: int) -> None:
+    """Add to y the divergence of push and spin at the faces [1/s]."""
+    for m in range(wetted.count[w]):
         e = wetted.touching[w, m]
         b = wetted.body[w, e]
         speed = wetted.push[w, b][wetted.axis[w, e]] + wp.dot(wetted.spin[w, b], wetted.arm[w, e])
@@ -87,9 +87,9 @@ def reset_wrench(wetted: Wetted) -> None:
 @wp.kernel
 def gather_wrench(grid: Grid, pressures: wp.array2d[wp.float64], wetted: Wetted, pace: Pace) -> None:
     """Add force and torque (per metre in a plane) of pressures on every body to what they are."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] > ZERO:
-        add_wrench(grid, wetted, w, lane, pressures[w])
+        add_wrench(grid, wetted, w, pressures[w])
 
 
 @wp.kernel

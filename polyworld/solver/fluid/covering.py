@@ -3,7 +3,6 @@
 import warp as wp
 
 from polyworld.solver.fluid.distance import cover, nearest, to_solid
-from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, Solids, Wetted
 from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, centre
 from polyworld.solver.spatial.layout import Body
@@ -143,14 +142,14 @@ def cover_by_statics(grid: Grid, solids: Solids, fields: Fields) -> None:
 @wp.kernel
 def take_statics(grid: Grid, fields: Fields, pace: Pace) -> None:
     """open and room of the window's cells: box and statics."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 for a in range(3):
                     fields.open[w, a, c] = fields.static_open[a, c]
@@ -162,7 +161,7 @@ def cover_by_bodies(
     grid: Grid, solids: Solids, fields: Fields, bodies: wp.array2d[Body], pace: Pace, wetted: Wetted
 ) -> None:
     """open and room of the window's cells less what bodies take, and the list of faces that they cover."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
@@ -190,8 +189,8 @@ def cover_by_bodies(
                 begin[a] = wp.max(lo[a], wp.int32(wp.max(g[a] - span, ZERO)))
                 end[a] = wp.min(hi[a], wp.int32(wp.max(g[a] + span, -ONE)) + 1)
         for i in range(begin[0], end[0]):
-            for j in range(first_row(grid, lane, i, begin[1]), end[1], grid.abreast):
-                for k in range(first_cell(grid, lane, begin[2]), end[2], grid.across):
+            for j in range(begin[1], end[1]):
+                for k in range(begin[2], end[2]):
                     c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                     p = centre(grid, i, j, k, 3)
                     d = _closest(solids, first, last, x, r, p)

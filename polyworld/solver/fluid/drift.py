@@ -6,7 +6,6 @@ problem like the pressure's, whose right side is the excess of content. It moves
 
 import warp as wp
 
-from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, System
 from polyworld.solver.fluid.stencil import ONE, ZERO
 
@@ -39,12 +38,12 @@ def drift_tolerance(grid: Grid, soft: int, w: int, pace: Pace, largest: wp.float
 @wp.kernel
 def build_drift(grid: Grid, fields: Fields, system: System, soft: int, pace: Pace) -> None:
     """Build the equations: row i is the share of the excess of content at cell i that this sub-step takes away."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     h = grid.cell
     rate = _rate(grid, soft, w, pace)
-    for i in range(lane, system.n[w], grid.lanes):
+    for i in range(system.n[w]):
         c = system.cell[w, i]
         diagonal = wp.float64(0.0)
         surface = wp.int32(0)
@@ -77,17 +76,14 @@ def build_drift(grid: Grid, fields: Fields, system: System, soft: int, pace: Pac
         system.diagonal[w, i] = diagonal
         system.residual[w, i] = rate * excess
         system.x[w, i] = ZERO
-    if lane == 0:
-        system.x[w, system.rows] = ZERO
-        system.search[w, system.rows] = ZERO
-        system.residual[w, system.rows] = ZERO
-        system.diagonal[w, system.rows] = ONE
+    system.x[w, system.rows] = ZERO
+    system.search[w, system.rows] = ZERO
 
 
 @wp.kernel
 def find_shift(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
     """shift of every face [m]; its flow out of a cell is the share of the excess that this sub-step takes away."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     h = grid.cell
@@ -95,8 +91,8 @@ def find_shift(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 for a in range(3):

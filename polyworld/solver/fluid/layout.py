@@ -1,7 +1,7 @@
 """The records the fluid kernels work on. SI units, world axes; per metre of thickness in a plane.
 
-Kernels run over (world, lane) and loop over the lane's share of particles or cells (`fluid.lanes`): worlds take
-different numbers of sub-steps. On a CPU a world has one lane, so that sums are in a fixed order.
+Kernels run one thread a world and loop over its particles or cells: worlds take different numbers of sub-steps, and
+sums are in a fixed order.
 """
 
 import warp as wp
@@ -20,7 +20,6 @@ class Grid:
     origin: lower corner of cell (0, 0, 0). cell: its edge; volume, area: of a cell and of a face between cells, a
     metre thick in a plane. lower, upper: first cell of the box and the one after its last. thin: axis across the
     plane, -1 in space; it has one cell and stride 0. closed: whether the box has walls. wide: 1 along axes that flow.
-    lanes: threads of a world. across: lanes that share a row of cells; abreast: rows taken at a time, their ratio.
     """
 
     origin: wp.vec3d
@@ -37,9 +36,6 @@ class Grid:
     thin: int
     closed: int
     cells: int
-    lanes: int
-    across: int
-    abreast: int
 
 
 @wp.struct

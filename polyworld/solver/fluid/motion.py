@@ -3,7 +3,6 @@
 import warp as wp
 
 from polyworld.solver.fluid.distance import nearest, to_solid
-from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles, Solids, Wetted
 from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, centre, gather, gather_slope, stencil
 from polyworld.solver.spatial.layout import Body
@@ -48,7 +47,7 @@ def _velocity(grid: Grid, fields: Fields, w: int, x: wp.vec3d) -> wp.vec3d:
 @wp.kernel
 def continue_velocity(grid: Grid, fields: Fields, layer: int, pace: Pace) -> None:
     """Velocity of faces outside the liquid: the mean of their neighbours known up to a layer."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
@@ -59,8 +58,8 @@ def continue_velocity(grid: Grid, fields: Fields, layer: int, pace: Pace) -> Non
         known = fields.known[w, a]
         velocity = fields.velocity[w, a]
         for i in range(lo[0], hi[0]):
-            for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-                for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+            for j in range(lo[1], hi[1]):
+                for k in range(lo[2], hi[2]):
                     c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                     if known[c] > 0:
                         continue
@@ -132,14 +131,14 @@ def slide_along_solids(
     Walls of about an edge's thickness are shut at a face near their surface, on which half a cell of liquid hangs that
     the pressure at the cell's centre does not bear: force and torque of `wetted` take the momentum that it loses.
     """
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 for a in range(3):
@@ -176,14 +175,14 @@ def slide_along_solids(
 @wp.kernel
 def take_slid(grid: Grid, fields: Fields, pace: Pace) -> None:
     """Velocity of the faces that solids shut, once all of them are found from those of the liquid."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 for a in range(3):
                     if fields.known[w, a, c] == SLID:
@@ -253,7 +252,7 @@ def move_particles(
     Impulses of particles that run into bodies are added to force and torque of `wetted`, masses and gains of momentum
     but for gravity's to whole and gained of `pace`.
     """
-    w, lane = wp.tid()
+    w = wp.tid()
     dt = pace.dt[w]
     if dt <= ZERO:
         return
@@ -261,7 +260,7 @@ def move_particles(
     fall = liquids.gravity[w % liquids.gravity.shape[0]] * dt
     whole = wp.float64(0.0)
     gained = wp.vec3d()
-    for p in range(lane, particles.used[w], grid.lanes):
+    for p in range(particles.used[w]):
         if particles.fluid[w, p] < 0:
             continue
         x = particles.x[w, p]
@@ -325,7 +324,7 @@ def move_particles(
 @wp.kernel
 def restore_momentum(grid: Grid, particles: Particles, wetted: Wetted, bodies: int, pace: Pace) -> None:
     """Remove what the free surface's ghost values have added to the momentum, where only gravity acts from outside."""
-    w, lane = wp.tid()
+    w = wp.tid()
     whole = pace.whole[w]
     if pace.dt[w] <= ZERO or pace.touching[w] == 1 or whole <= ZERO:
         return
@@ -335,6 +334,6 @@ def restore_momentum(grid: Grid, particles: Particles, wetted: Wetted, bodies: i
     gained = gained + pace.given[w]
     if grid.thin >= 0:
         gained[grid.thin] = ZERO
-    for p in range(lane, particles.used[w], grid.lanes):
+    for p in range(particles.used[w]):
         if particles.fluid[w, p] >= 0:
             particles.v[w, p] = particles.v[w, p] - gained / whole

@@ -6,7 +6,6 @@ second order by ghost values (Enright, Nguyen, Gibou, Fedkiw 2003).
 
 import warp as wp
 
-from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace, System, Tension, Wetted
 from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, gather, stencil
 
@@ -28,7 +27,7 @@ def surface_pressure(tension: Tension, w: int, inner: int, outer: int, gap: wp.f
 @wp.kernel
 def number_unknowns(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
     """Give the liquid's cells rows of the equations: those with an open face that liquid is near."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
@@ -38,8 +37,8 @@ def number_unknowns(grid: Grid, fields: Fields, system: System, pace: Pace) -> N
             lo[a] += 1
             hi[a] -= 1
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 if fields.level[w, c] >= ZERO:
                     fields.pressure[w, c] = ZERO
@@ -63,13 +62,13 @@ def number_unknowns(grid: Grid, fields: Fields, system: System, pace: Pace) -> N
 @wp.kernel
 def build_pressure(grid: Grid, fields: Fields, system: System, tension: Tension, tense: int, pace: Pace) -> None:
     """Build the equations: row i is the divergence at cell i that pressures remove."""
-    w, lane = wp.tid()
+    w = wp.tid()
     dt = pace.dt[w]
     if dt <= ZERO:
         return
     h = grid.cell
     none = system.rows
-    for i in range(lane, system.n[w], grid.lanes):
+    for i in range(system.n[w]):
         c = system.cell[w, i]
         diagonal = wp.float64(0.0)
         divergence = wp.float64(0.0)
@@ -115,13 +114,10 @@ def build_pressure(grid: Grid, fields: Fields, system: System, tension: Tension,
         system.diagonal[w, i] = diagonal
         system.residual[w, i] = -divergence
         system.x[w, i] = fields.pressure[w, c]
-    if lane == 0:
-        for a in range(3):
-            system.coupling[w, a, none] = ZERO
-        system.x[w, none] = ZERO
-        system.search[w, none] = ZERO
-        system.residual[w, none] = ZERO
-        system.diagonal[w, none] = ONE
+    for a in range(3):
+        system.coupling[w, a, none] = ZERO
+    system.x[w, none] = ZERO
+    system.search[w, none] = ZERO
 
 
 @wp.struct
@@ -183,11 +179,11 @@ def _end_of_gap(grid: Grid, fields: Fields, w: int, cell: int, index: int, axis:
 @wp.kernel
 def list_touching(grid: Grid, fields: Fields, system: System, wetted: Wetted, pace: Pace) -> None:
     """List the covered faces with an unknown on either side, or at both ends of a gap, and the rows beside them."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     none = system.rows
-    for e in range(lane, wp.min(wetted.found[w], wetted.capacity), grid.lanes):
+    for e in range(wp.min(wetted.found[w], wetted.capacity)):
         c = wetted.face[w, e]
         a = wetted.axis[w, e]
         high = fields.unknown[w, c]
@@ -222,11 +218,11 @@ def list_touching(grid: Grid, fields: Fields, system: System, wetted: Wetted, pa
 
 
 @wp.kernel
-def take_pressure(grid: Grid, fields: Fields, system: System, pace: Pace) -> None:
+def take_pressure(fields: Fields, system: System, pace: Pace) -> None:
     """Pressure of the cells from their rows."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] > ZERO:
-        for i in range(lane, system.n[w], grid.lanes):
+        for i in range(system.n[w]):
             fields.pressure[w, system.cell[w, i]] = system.x[w, i]
 
 
@@ -256,15 +252,15 @@ def _difference(fields: Fields, tension: Tension, tense: int, w: int, low: int, 
 @wp.kernel
 def push_liquid(grid: Grid, fields: Fields, tension: Tension, tense: int, pace: Pace) -> None:
     """Velocity change by the pressure gradient on all faces beside an unknown; marks the faces that are known."""
-    w, lane = wp.tid()
+    w = wp.tid()
     dt = pace.dt[w]
     if dt <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 for a in range(3):

@@ -9,7 +9,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from polyworld.core import buffers
-from polyworld.solver.fluid import lanes, layout
+from polyworld.solver.fluid import layout
 from polyworld.solver.fluid.distance import OPEN_MESH
 from polyworld.solver.spatial import layout as rigid
 from polyworld.world import World, geometry
@@ -64,9 +64,6 @@ def build_grid(world: World) -> layout.Grid:
     grid.count, grid.stride = wp.vec3i(*count.tolist()), wp.vec3i(*stride.tolist())
     grid.lower, grid.upper = wp.vec3i(*pad.tolist()), wp.vec3i(*(pad + cells).tolist())
     grid.wide, grid.thin, grid.closed, grid.cells = wp.vec3i(*wide.tolist()), thin, int(box.closed), int(count.prod())
-    number, across = lanes.of_device()
-    across = 1 if thin == 2 else across  # rows of one cell
-    grid.lanes, grid.across, grid.abreast = number, across, number // across
     return grid
 
 

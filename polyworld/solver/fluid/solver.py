@@ -14,7 +14,6 @@ from polyworld.solver.fluid import covering, pressure, step, storage
 from polyworld.solver.fluid.sampling import build_samples
 from polyworld.solver.fluid.scene import build_grid, build_solids
 from polyworld.solver.fluid.seeding import fluid_particles
-from polyworld.solver.fluid.solvers import solvers_of
 from polyworld.solver.fluid.supply import build_sources, particles_needed
 from polyworld.solver.spatial.layout import Body
 from polyworld.world import World
@@ -58,7 +57,6 @@ class FluidSolver:
             pace=storage.pace_arrays(w),
             sources=build_sources(world, self.names, w, g.thin),
             bodies=storage.zeros((w, max(len(world.objects), 1)), Body),
-            solvers=solvers_of(g.lanes, w),
         )
         buffers.launch(covering.cover_by_statics, g.cells, [g, self.solids, self.records.fields])
         self.write({})

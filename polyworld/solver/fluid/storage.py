@@ -12,7 +12,6 @@ from polyworld.core import buffers
 from polyworld.solver.coupled.nodes import Nodes
 from polyworld.solver.fluid import layout
 from polyworld.solver.fluid.immersed import Samples
-from polyworld.solver.fluid.solvers import Solvers
 from polyworld.solver.fluid.sources import Sources
 
 
@@ -36,7 +35,6 @@ class Records:
     pace: layout.Pace
     sources: Sources
     bodies: Any
-    solvers: Solvers
     nodes: Nodes | None = None
     samples: Samples | None = None
     viscous: bool = False
@@ -45,10 +43,6 @@ class Records:
     def launch_worlds(self, kernel: Any, *inputs: Any) -> None:
         """Launch a kernel with one thread a world."""
         buffers.launch(kernel, self.pace.dt.shape[0], list(inputs))
-
-    def launch_lanes(self, kernel: Any, *inputs: Any) -> None:
-        """Launch a kernel over (world, lane)."""
-        buffers.launch(kernel, (self.pace.dt.shape[0], self.grid.lanes), list(inputs))
 
     @property
     def immersed_soft(self) -> bool:

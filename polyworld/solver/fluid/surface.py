@@ -2,7 +2,6 @@
 
 import warp as wp
 
-from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Pace
 from polyworld.solver.fluid.stencil import HALF, ONE, ZERO
 
@@ -28,14 +27,14 @@ def distance_of(content: wp.float64, h: wp.float64) -> wp.float64:
 @wp.kernel
 def find_surface(grid: Grid, fields: Fields, pace: Pace) -> None:
     """filled and level of the window's cells."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 volume = fields.content[w, c]
@@ -57,14 +56,14 @@ def find_surface(grid: Grid, fields: Fields, pace: Pace) -> None:
 @wp.kernel
 def continue_level(grid: Grid, fields: Fields, pace: Pace) -> None:
     """Level of tight cells: the mean of their neighbours that are not."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 if fields.room[w, c] >= TIGHT:
                     continue

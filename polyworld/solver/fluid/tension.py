@@ -6,7 +6,6 @@ pressure equations as the ghost value beyond the surface (Kang, Fedkiw, Liu 2000
 
 import warp as wp
 
-from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles, Tension
 from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, scatter, stencil
 
@@ -42,14 +41,14 @@ def _slope(grid: Grid, row: wp.array[wp.float64], lo: wp.vec3i, hi: wp.vec3i, in
 @wp.kernel
 def fill_solids(grid: Grid, fields: Fields, tension: Tension, pace: Pace) -> None:
     """smooth: how full the cells are. Clears strength."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 tension.strength[w, c] = ZERO
                 value = wp.min(fields.filled[w, c], ONE)
@@ -71,11 +70,11 @@ def fill_solids(grid: Grid, fields: Fields, tension: Tension, pace: Pace) -> Non
 @wp.kernel
 def spread_strength(grid: Grid, particles: Particles, liquids: Liquids, tension: Tension, pace: Pace) -> None:
     """strength: surface tension times volume around the cells."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     strength = tension.strength[w]
-    for p in range(lane, particles.used[w], grid.lanes):
+    for p in range(particles.used[w]):
         f = particles.fluid[w, p]
         if f >= 0:
             sigma = liquids.surface_tension[w % liquids.surface_tension.shape[0], f]
@@ -87,15 +86,15 @@ def smooth_along(
     grid: Grid, fields: Fields, a: int, source: wp.array2d[wp.float64], target: wp.array2d[wp.float64], pace: Pace
 ) -> None:
     """target: the 1 2 1 filter of source along axis a."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     row = source[w]
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 above = row[_beyond(grid, lo, hi, index, c, a, 1)]
@@ -106,14 +105,14 @@ def smooth_along(
 @wp.kernel
 def find_normals(grid: Grid, fields: Fields, smooth: wp.array2d[wp.float64], tension: Tension, pace: Pace) -> None:
     """normal: unit gradient of the smoothed content."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 g = _slope(grid, smooth[w], lo, hi, wp.vec3i(i, j, k), c)
                 length = wp.length(g)
@@ -124,14 +123,14 @@ def find_normals(grid: Grid, fields: Fields, smooth: wp.array2d[wp.float64], ten
 @wp.kernel
 def find_jump(grid: Grid, fields: Fields, tension: Tension, pace: Pace) -> None:
     """jump: pressure above the air's that a surface at each cell has [Pa]."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 curvature = wp.float64(0.0)

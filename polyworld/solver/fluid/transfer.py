@@ -5,7 +5,6 @@ Affine particle-in-cell (Jiang, Schroeder, Selle, Teran, Stomakhin 2015) with li
 
 import warp as wp
 
-from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles, System, Wetted
 from polyworld.solver.fluid.stencil import ONE, ZERO, scatter, scatter_linear, stencil
 from polyworld.solver.spatial.layout import Body
@@ -29,7 +28,7 @@ def begin_step(pace: Pace, h: wp.array[wp.float64]) -> None:
 
 @wp.kernel
 def begin_substep(grid: Grid, fields: Fields, system: System, wetted: Wetted, pace: Pace) -> None:
-    """Reset what lanes gather."""
+    """Reset what a sub-step gathers."""
     w = wp.tid()
     if w == 0:
         pace.go[0] = 0
@@ -52,14 +51,14 @@ def begin_substep(grid: Grid, fields: Fields, system: System, wetted: Wetted, pa
 @wp.kernel
 def measure(grid: Grid, particles: Particles, fields: Fields, pace: Pace) -> None:
     """fastest: largest component of a particle's velocity. window: the cells around the particles. present, lost."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.left[w] <= ZERO or pace.halted[0] != 0:
         return
     fastest = wp.float64(0.0)
     lo = grid.count
     hi = wp.vec3i(0, 0, 0)
     present = wp.int32(0)
-    for p in range(lane, particles.used[w], grid.lanes):
+    for p in range(particles.used[w]):
         if particles.fluid[w, p] < 0:
             continue
         present = 1
@@ -133,12 +132,12 @@ def choose_step(grid: Grid, liquids: Liquids, fields: Fields, pace: Pace, bodies
 
 @wp.kernel
 def clear(grid: Grid, fields: Fields, pace: Pace) -> None:
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     for i in range(fields.window[w, 0], fields.window[w, 3]):
-        for j in range(first_row(grid, lane, i, fields.window[w, 1]), fields.window[w, 4], grid.abreast):
-            for k in range(first_cell(grid, lane, fields.window[w, 2]), fields.window[w, 5], grid.across):
+        for j in range(fields.window[w, 1], fields.window[w, 4]):
+            for k in range(fields.window[w, 2], fields.window[w, 5]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 for a in range(3):
                     fields.velocity[w, a, c] = ZERO
@@ -151,13 +150,13 @@ def clear(grid: Grid, fields: Fields, pace: Pace) -> None:
 @wp.kernel
 def particles_to_grid(grid: Grid, particles: Particles, liquids: Liquids, fields: Fields, pace: Pace) -> None:
     """Adds the particles' volume, mass and momentum, gravity's included, to the faces, their volume to the cells."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     volume = particles.volume
     fall = liquids.gravity[w % liquids.gravity.shape[0]] * pace.dt[w]
     content = fields.content[w]
-    for p in range(lane, particles.used[w], grid.lanes):
+    for p in range(particles.used[w]):
         f = particles.fluid[w, p]
         if f < 0:
             continue
@@ -179,12 +178,12 @@ def particles_to_grid(grid: Grid, particles: Particles, liquids: Liquids, fields
 @wp.kernel
 def momentum_to_velocity(grid: Grid, fields: Fields, pace: Pace) -> None:
     """Faces' velocity from their momentum."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO:
         return
     for i in range(fields.window[w, 0], fields.window[w, 3]):
-        for j in range(first_row(grid, lane, i, fields.window[w, 1]), fields.window[w, 4], grid.abreast):
-            for k in range(first_cell(grid, lane, fields.window[w, 2]), fields.window[w, 5], grid.across):
+        for j in range(fields.window[w, 1], fields.window[w, 4]):
+            for k in range(fields.window[w, 2], fields.window[w, 5]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 for a in range(3):
                     m = fields.mass[w, a, c]

@@ -7,7 +7,6 @@ free surface carries no traction. Where the liquid sticks, a wall is the point o
 
 import warp as wp
 
-from polyworld.solver.fluid.lanes import first_cell, first_row
 from polyworld.solver.fluid.layout import OPTIONS, Fields, Grid, Liquids, Pace, Particles, Resistance, Solids, Viscous
 from polyworld.solver.fluid.motion import SHUT, solid_at
 from polyworld.solver.fluid.stencil import HALF, ONE, ZERO, centre, scatter, stencil
@@ -53,14 +52,14 @@ def begin_viscosity(grid: Grid, liquids: Liquids, viscous: Viscous, pace: Pace) 
 
 @wp.kernel
 def clear_viscosity(grid: Grid, fields: Fields, viscous: Viscous, pace: Pace) -> None:
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO or viscous.active[w] == 0:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 viscous.resistance.amount[w, c] = ZERO
                 viscous.resistance.sticky[w, c] = ZERO
@@ -69,10 +68,10 @@ def clear_viscosity(grid: Grid, fields: Fields, viscous: Viscous, pace: Pace) ->
 @wp.kernel
 def spread_viscosity(grid: Grid, particles: Particles, liquids: Liquids, viscous: Viscous, pace: Pace) -> None:
     """Viscosity times volume around the cells."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO or viscous.active[w] == 0:
         return
-    for p in range(lane, particles.used[w], grid.lanes):
+    for p in range(particles.used[w]):
         f = particles.fluid[w, p]
         if f < 0:
             continue
@@ -88,14 +87,14 @@ def classify_faces(
     grid: Grid, solids: Solids, fields: Fields, viscous: Viscous, bodies: wp.array2d[Body], pace: Pace
 ) -> None:
     """Viscosity times volume for the room that cells have, and what every face is. The liquid's faces get rows."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO or viscous.active[w] == 0:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 room = fields.room[w, c]
                 if room < LEAST_ROOM:
@@ -125,15 +124,15 @@ def classify_faces(
 @wp.kernel
 def number_walls(grid: Grid, fields: Fields, viscous: Viscous, pace: Pace) -> None:
     """Give faces in solids their rows, and all rows the present velocity."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO or viscous.active[w] == 0:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     n = viscous.n[w]
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 for a in range(3):
                     if viscous.resistance.kind[w, a, c] == SOLID:
@@ -248,25 +247,22 @@ class Dissipation:
 
 @wp.func(inline=False)
 def inertia(
-    equations: Dissipation, w: int, lane: int, n: int, x: wp.array[wp.float64], y: wp.array[wp.float64], only: int
+    equations: Dissipation, w: int, n: int, x: wp.array[wp.float64], y: wp.array[wp.float64], only: int
 ) -> None:
-    """y = inertia x on a lane's share of the faces; `only` 1: its diagonal alone, x then ignored."""
+    """y = inertia x; `only` 1: its diagonal alone, x then ignored."""
     viscous = equations.viscous
-    lanes = equations.grid.lanes
     mass = viscous.mass[w]
-    for i in range(lane, n, lanes):
+    for i in range(n):
         y[i] = mass[i]
         if only == 0:
             y[i] = mass[i] * x[i]
-    for i in range(n + lane, n + viscous.walls[w], lanes):
+    for i in range(n, n + viscous.walls[w]):
         y[i] = ZERO
 
 
 @wp.func(inline=False)
-def dissipate(
-    equations: Dissipation, w: int, lane: int, x: wp.array[wp.float64], y: wp.array[wp.float64], only: int
-) -> None:
-    """Add dt dissipation x of a lane's cells to y; `only` 1: its diagonal alone, x then ignored."""
+def dissipate(equations: Dissipation, w: int, x: wp.array[wp.float64], y: wp.array[wp.float64], only: int) -> None:
+    """Add dt dissipation x to y; `only` 1: its diagonal alone, x then ignored."""
     grid = equations.grid
     fields = equations.fields
     viscous = equations.viscous
@@ -281,8 +277,8 @@ def dissipate(
             hi[a] -= 1
     two = wp.float64(2.0)
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 amount = viscous.resistance.amount[w, c]
                 for a in range(3):
@@ -332,14 +328,14 @@ def dissipate(
 @wp.kernel
 def take_velocity(grid: Grid, fields: Fields, viscous: Viscous, pace: Pace) -> None:
     """Velocity of the liquid's faces from their rows."""
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO or viscous.active[w] == 0:
         return
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 for a in range(3):
                     if viscous.resistance.kind[w, a, c] == LIQUID:
@@ -354,15 +350,15 @@ def mirror_at_walls(
 
     Only as far as viscosity reaches across a cell: a thinner boundary layer leaves the liquid beside it sliding.
     """
-    w, lane = wp.tid()
+    w = wp.tid()
     if pace.dt[w] <= ZERO or viscous.active[w] == 0:
         return
     felt = wp.min(viscous.reach[w], ONE)
     lo = wp.vec3i(fields.window[w, 0], fields.window[w, 1], fields.window[w, 2])
     hi = wp.vec3i(fields.window[w, 3], fields.window[w, 4], fields.window[w, 5])
     for i in range(lo[0], hi[0]):
-        for j in range(first_row(grid, lane, i, lo[1]), hi[1], grid.abreast):
-            for k in range(first_cell(grid, lane, lo[2]), hi[2], grid.across):
+        for j in range(lo[1], hi[1]):
+            for k in range(lo[2], hi[2]):
                 c = i * grid.stride[0] + j * grid.stride[1] + k * grid.stride[2]
                 index = wp.vec3i(i, j, k)
                 for a in range(3):

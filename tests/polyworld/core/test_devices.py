@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 import warp as wp
-from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.core.warp_settings import NO_DRIVER, without_driver_warning
@@ -20,7 +17,6 @@ from polyworld.estimation.fit import FitOptions, fit
 from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
-from tests.polyworld.solver.fluid.scenes import Run, plane_world, pool
 from tests.polyworld.synthetic import of_one
 from tests.scenes.material_parameters import scenes
 from tests.scenes.six_bodies import six_body_world
@@ -30,20 +26,6 @@ ACCELERATORS = [d.alias for d in wp.get_devices() if not d.is_cpu]
 MATERIALS = {scene.name: scene for scene in scenes()}
 SHARED = ("rope over a pulley", "cloth", "soft body", "tap")
 RUN_ON_CUDA = ("planar", "spatial", "rigid pucks", "rigid ball")
-LIQUID_KERNELS = (
-    "bodies",
-    "covering",
-    "drift",
-    "motion",
-    "parallel",
-    "parallel_viscosity",
-    "pressure",
-    "sources",
-    "surface",
-    "tension",
-    "transfer",
-    "viscosity",
-)
 WORLDS: dict[str, Callable[[], World]] = {
     "planar": lambda: six_body_world(planar=True),
     "spatial": lambda: six_body_world(planar=False),
@@ -115,27 +97,6 @@ def test_all_else_that_is_written_while_warp_starts_is_passed_on(capfd: pytest.C
     with without_driver_warning():
         os.write(2, NO_DRIVER + b". GPU execution will not be available.\nan error\n")
     assert capfd.readouterr().err == "an error\n"
-
-
-@pytest.mark.benchmark
-@pytest.mark.parametrize("name", LIQUID_KERNELS)
-def test_kernels_of_liquids_compile_for_cuda(name: str, tmp_path: Path) -> None:
-    """Needs Warp's compiler, but no such device."""
-    module = wp.get_module(importlib.import_module(f"polyworld.solver.fluid.{name}").__name__)
-    wp.compile_aot_module(module, arch=80, module_dir=tmp_path)
-    assert list(tmp_path.glob("*.cubin")) or list(tmp_path.glob("*.ptx"))
-
-
-def test_a_column_of_liquid_collapses_on_an_accelerator_as_on_the_cpu(accelerator: str) -> None:
-    def middle() -> NDArray[np.float64]:
-        run = Run(plane_world(pool("water", (0, 0), (0.5, 0.5)), size=(1.0, 1.0), cell=0.025))
-        run.run(0.05)
-        return np.asarray(run.present()[0].mean(axis=0))
-
-    there = middle()
-    buffers.use_device("cpu")
-    assert accelerator != "cpu"
-    np.testing.assert_allclose(there, middle(), atol=1e-4)  # sums of many threads are rounded in another order
 
 
 def test_batches_fit_on_an_accelerator_as_on_the_cpu(accelerator: str) -> None:

@@ -1,4 +1,4 @@
-"""Viscosity by one thread a world, for devices on which threads run one after the other."""
+"""Solve for the velocities after viscosity: conjugate gradients, one thread a world."""
 
 import warp as wp
 
@@ -14,8 +14,8 @@ wp.set_module_options(OPTIONS)
 @wp.func
 def _apply(equations: Dissipation, w: int, n: int, x: wp.array[wp.float64], y: wp.array[wp.float64], only: int) -> None:
     """y = (inertia + dt dissipation) x on the liquid's faces; `only` 1: its diagonal alone, x then ignored."""
-    inertia(equations, w, 0, n, x, y, only)
-    dissipate(equations, w, 0, x, y, only)
+    inertia(equations, w, n, x, y, only)
+    dissipate(equations, w, x, y, only)
 
 
 @wp.func

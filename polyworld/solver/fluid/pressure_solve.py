@@ -1,4 +1,4 @@
-"""Pressure and drift of content by one thread a world, for devices on which threads run one after the other."""
+"""Solve for the pressure, and for the shift that evens out the content: conjugate gradients, one thread a world."""
 
 import warp as wp
 
@@ -48,9 +48,9 @@ def _multiply(equations: Coupled, w: int, n: int, x: wp.array[wp.float64], y: wp
     multiply(equations.system, w, n, x, y)
     if equations.wetted.count[w] > 0:
         clear_wrench(equations.wetted, w)
-        add_wrench(equations.grid, equations.wetted, w, 0, x)
+        add_wrench(equations.grid, equations.wetted, w, x)
         respond(equations.grid, equations.solids, equations.bodies, equations.wetted, w, equations.dt)
-        add_outflow(equations.grid, equations.wetted, w, 0, y, equations.system.rows)
+        add_outflow(equations.grid, equations.wetted, w, y, equations.system.rows)
 
 
 _solve_coupled = conjugate_gradients(Coupled, _left, _precondition, _multiply)
@@ -83,7 +83,7 @@ def solve_pressure(
         present_motion(bodies, wetted, w, solids.bodies)
         for i in range(n):
             y[i] = ZERO
-        add_outflow(grid, wetted, w, 0, y, none)
+        add_outflow(grid, wetted, w, y, none)
         step_along(r, y, -ONE, n)
     enough = pressure.TOLERANCE * largest(r, n)
     _multiply(equations, w, n, x, y)
