@@ -9,11 +9,11 @@ from typing import Any
 
 from atw_mcp.calls.limits import Limits
 from atw_mcp.worlds.parts import Parts, read_part
-from atw_mcp.worlds.rollout_cost import emitted
 from polyworld.edits.interventions import Add, Intervention
 from polyworld.model.soft import edge_length, predicted_elements
 from polyworld.solver.fluid.scene import thin_axis
 from polyworld.solver.fluid.seeding import predicted_particles
+from polyworld.solver.work import emitted
 from polyworld.world import World
 from polyworld.world.materials import PLANAR, material_of
 from polyworld.world.representations.cloth import Cloth, Sheet

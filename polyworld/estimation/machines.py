@@ -160,7 +160,7 @@ def most_worlds(world: World, times: Array) -> int:
     bytes_of_sample = BYTES_OF_BODY * len(world.moving_names)
     if world.deformables:  # particles of all liquids are kept with each of them
         copies = max(len(world.of_form("liquid")), 1)
-        bytes_of_sample += BYTES_OF_POINT * points_of(world, float(times[-1])) * copies
+        bytes_of_sample += BYTES_OF_POINT * sum(points_of(world, float(times[-1])).values()) * copies
     return max(MOST_BYTES // max(bytes_of_sample * len(times), 1), 1)
 
 

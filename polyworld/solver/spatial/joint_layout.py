@@ -85,18 +85,6 @@ class Joint:
 
 
 @wp.struct
-class Moment:
-    """Pose and velocity of a body, and its acceleration by joints in the step before [m/s^2, rad/s^2]."""
-
-    x: wp.vec3d
-    q: wp.quatd
-    v: wp.vec3d
-    w: wp.vec3d
-    reaction: wp.vec3d
-    turning: wp.vec3d
-
-
-@wp.struct
 class Joints:
     """All joints of K worlds, their rows in State.rows from `base` on, and room to solve for their impulses.
 
@@ -137,14 +125,6 @@ class Joints:
     end_q: wp.array2d[wp.quatd]
     end_rotation: wp.array2d[wp.mat33d]
     half_impulse: wp.array2d[wp.float64]
-    at_start: wp.array2d[Moment]  # (K, n) bodies at the start of two steps, between them, and at their end
-    at_middle: wp.array2d[Moment]
-    at_end: wp.array2d[Moment]
-    before: wp.array2d[Moment]  # (K, n) reactions of the step before the last
-    paced: wp.array[wp.float64]  # (K,) length of the last two steps, 0 where they were not smooth [s]
-    parts: wp.array[wp.int32]  # (K,) into which the step was cut
-    rough: wp.array[wp.int32]  # (K,) 1 where an axis stuck, or was stopped
-    taken: wp.array[wp.float64]  # (K,) length of the step [s]
     tree: Tree
     # (1 or W, joints): where it holds a and b, springs in the bodies' axes, others in the world's at the start [m]
     anchor: wp.array2d[wp.vec3d]

@@ -97,10 +97,6 @@ def build_joints(world: World, base: int, rows: int) -> joint_layout.Joints:
     joints.rate, joints.pushed = _zeros((rows, axes), wp.float64), _zeros((rows, axes), wp.float64)
     joints.half_impulse = _zeros((rows, equality + axes), wp.float64)
     joints.ready = _zeros((rows,), wp.int32)
-    joints.parts, joints.rough = _zeros((rows,), wp.int32), _zeros((rows,), wp.int32)
-    joints.taken, joints.paced = _zeros((rows,), wp.float64), _zeros((rows,), wp.float64)
-    for name in ("at_start", "at_middle", "at_end", "before"):
-        setattr(joints, name, _zeros((rows, n if order else 0), joint_layout.Moment))
     joints.inverse_inertia = _zeros((rows, ground + 1 if order else 0), wp.mat33d)
     for name, dtype in (
         ("start_w", wp.vec3d),

@@ -3,9 +3,8 @@
 The impulses that hold the joints act half at the start of the step, such that its end pose satisfies them, and
 half at its end, such that the velocities there do (Andersen 1983, J. Comput. Phys. 52, 24; for rigid bodies
 Dullweber, Leimkuhler & McLachlan 1997, J. Chem. Phys. 107, 5840). Both act at the joint's point as it then is. The
-scheme is symmetric and second order, keeps momentum and angular momentum, and energy without a drift; pairs of steps
-are taken to fourth order (`extrapolation`), and trees that touch nothing do without it (`tree_step`). What acts along
-the axes is halved in the same way.
+scheme is symmetric and second order, keeps momentum and angular momentum, and energy without a drift; trees that touch
+nothing do without it (`tree_step`). What acts along the axes is halved in the same way.
 """
 
 import warp as wp
@@ -22,7 +21,7 @@ from polyworld.solver.spatial.joint_axes import (
     time_to_stop,
 )
 from polyworld.solver.spatial.joint_guess import push_as_before, remember_forces, remove_warm_start
-from polyworld.solver.spatial.joint_layout import SPRING, Joint, Joints, Moment
+from polyworld.solver.spatial.joint_layout import SPRING, Joint, Joints
 from polyworld.solver.spatial.joint_rows import backward, build_joint_rows, forward, hold_joints, joint_error
 from polyworld.solver.spatial.layout import Body, Row, State
 from polyworld.solver.spatial.motion import rotated, set_pose
@@ -100,16 +99,12 @@ def load_joints(joints: wp.array[Joints], state: wp.array[State], w: int, k: int
         state[0].rows[k, joints[0].base + r] = Row()
     for r in range(joints[0].equalities):
         joints[0].force[k, r] = wp.float64(0.0)
-    if joints[0].count > 0:
-        for i in range(state[0].objects):
-            joints[0].before[k, i] = Moment()
     joints[0].ready[k] = 0
     joints[0].tree.known[k] = 0
     for n in range(joints[0].tree.count):
         joints[0].tree.links[k, n].bend = wp.float64(0.0)
     joints[0].tree.wanted[k] = wp.float64(0.0)
     joints[0].tree.clear[k] = wp.float64(0.0)
-    joints[0].paced[k] = wp.float64(0.0)
 
 
 @wp.func
@@ -145,7 +140,6 @@ def solve_joint_velocities(joints: wp.array[Joints], state: wp.array[State], k: 
 def begin_joints(joints: wp.array[Joints], state: wp.array[State], k: int, time: wp.float64, h: wp.float64) -> None:
     """Note what the bodies do before a step of length h, and clear the impulses."""
     zero = wp.float64(0.0)
-    joints[0].parts[k] += 1
     for i in range(state[0].objects):
         joints[0].start_w[k, i] = state[0].bodies[k, i].w
     for r in range(joints[0].equalities + joints[0].axes):

@@ -6,13 +6,13 @@ from typing import Any
 import warp as wp
 
 from polyworld.solver.core.time_table import Schedule
-from polyworld.solver.spatial.extrapolation import pairing
 from polyworld.solver.spatial.free_step import FREE
 from polyworld.solver.spatial.joint_step import JOINED, load_joints
 from polyworld.solver.spatial.layout import OPTIONS, Parameters, Samples, State
 from polyworld.solver.spatial.prediction import first_diverged, load_bodies
 from polyworld.solver.spatial.step import stepping
 from polyworld.solver.spatial.system import System
+from polyworld.solver.spatial.tree_turn import following
 
 wp.set_module_options(OPTIONS)
 
@@ -23,7 +23,7 @@ SLACK = wp.float64(1.0e-9)  # times of steps and starts differ by rounding [s]
 def roll_out_kernel(jointed: bool) -> Any:
     """Return the kernel that runs worlds from start to end, for worlds with joints or without."""
     if jointed:
-        return _roll_out(pairing(stepping(JOINED)), 2)
+        return _roll_out(following(stepping(JOINED)), 2)
     return _roll_out(single(stepping(FREE)), 1)
 
 
@@ -34,7 +34,7 @@ def step_kernel(jointed: bool) -> Any:
 
 
 def single(advance: Any) -> Any:
-    """Return the Warp function `advance_one` that takes one step and has the signature of `pairing`'s."""
+    """Return the Warp function `advance_one` that takes one step and has the signature of `following`'s."""
 
     @wp.func
     def advance_one(

@@ -98,6 +98,7 @@ class Tree:
     count: int
     freedoms: int
     kinds: wp.array[LinkKind]
+    link_of: wp.array[wp.int32]  # (n,) the link of each body
     links: wp.array2d[Link]
     inertia: wp.array2d[Inertia]
     coordinates: wp.array2d[Freedom]

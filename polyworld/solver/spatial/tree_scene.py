@@ -27,13 +27,14 @@ STAGES = DOP853.n_stages + 1
 def build_tree(kinds: Any, bodies: int, rows: int) -> tree_layout.Tree:
     """Build the tree of joints (records of `JointKind`) on a number of bodies, with room for `rows` worlds at a time.
 
-    It has no links where a spring is among the joints, or a body is held by two of them.
+    Springs are forces on its links. It has no links where a body is held by two other joints.
     """
     links = _links(kinds, bodies)
     freedoms = sum(int(link["freedoms"]) for link in links)
     tree = tree_layout.Tree()
     tree.count, tree.freedoms = len(links), freedoms
     tree.kinds = buffers.array(_records(links), tree_layout.LinkKind)
+    tree.link_of = buffers.ints(np.argsort([int(link["body"]) for link in links]))
     room = rows if links else 1
     tree.links = _zeros((room, len(links)), tree_layout.Link)
     tree.inertia = _zeros((room, len(links)), tree_layout.Inertia)
@@ -62,11 +63,11 @@ def _method() -> NDArray[np.float64]:
 
 def _links(kinds: Any, bodies: int) -> list[dict[str, float]]:
     """Bodies in an order in which parents come first; none where that is not possible."""
-    if not len(kinds) or any(int(k["kind"]) == joint_layout.SPRING for k in kinds):
+    if not len(kinds):
         return []
     at: dict[int, int] = {}  # body -> its link
     links: list[dict[str, float]] = []
-    left = set(range(len(kinds)))
+    left = {j for j, k in enumerate(kinds) if int(k["kind"]) != joint_layout.SPRING}
 
     def add(body: int, parent: int, joint: int, kind: int, sign: float) -> None:
         at[body] = len(links)

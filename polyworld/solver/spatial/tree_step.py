@@ -65,7 +65,8 @@ def move_tree(
         part = until_switched(joints, k, time, part)
         if not find_slip_directions(parameters, joints, state, w, k, gravity, time):
             return zero
-        error = try_step(parameters, joints, state, w, k, gravity, time, part) / tolerance
+        allowed = tolerance * wp.min(part / whole, wp.float64(1.0))  # errors add up over the parts of a step
+        error = try_step(parameters, joints, state, w, k, gravity, time, part) / allowed
         if not (error <= wp.float64(1.0)):  # also where it is no number
             share = wp.float64(0.1)
             if error > wp.float64(1.0):
@@ -323,4 +324,3 @@ def take_step(parameters: wp.array[Parameters], joints: wp.array[Joints], state:
     for f in range(freedoms):
         joints[0].tree.rates[k, f] = joints[0].tree.rates[k, (STAGES - 1) * freedoms + f]
     joints[0].ready[k] = 0
-    joints[0].paced[k] = wp.float64(0.0)

@@ -1,5 +1,7 @@
 """Two steps or more of bodies on a tree of joints, as far as nothing comes near them."""
 
+from typing import Any
+
 import warp as wp
 
 from polyworld.solver.spatial.contacts import find_contacts
@@ -105,3 +107,34 @@ def held_together(joints: wp.array[Joints], state: wp.array[State], k: int, lock
             solve_joint_velocities(joints, state, k, lock)
             return True
     return True
+
+
+def following(advance: Any) -> Any:
+    """Return the Warp function `advance_far` of the function `advance` for one step."""
+
+    @wp.func
+    def advance_far(
+        system: System,
+        w: int,
+        k: int,
+        previous_half: int,
+        gravity: wp.vec3d,
+        start: wp.float64,
+        whole: wp.float64,
+        room: wp.float64,
+    ) -> tuple[int, wp.float64]:
+        """Two steps of half the length `whole` from time `start`, or up to `room` on a tree that touches nothing.
+
+        Returns which half of the contact arrays holds the contacts of the last, and by how much all moved on [s].
+        """
+        half = wp.int32(previous_half)
+        done = wp.float64(0.0)
+        if system.joints[0].tree.count > 0:
+            done, half = follow_tree(system, w, k, previous_half, gravity, start, whole, room)
+            if done >= whole:
+                return half, done
+        h = wp.float64(0.5) * (whole - done)
+        half = advance(system, w, k, half, gravity, start + done, h)
+        return advance(system, w, k, half, gravity, start + done + h, h), whole
+
+    return advance_far
