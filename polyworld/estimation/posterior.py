@@ -29,12 +29,14 @@ FLATTEST = -30.0  # logarithm of the power of weights at which all draws count
 @dataclass(frozen=True)
 class SamplingSettings:
     """Rounds of `draws` each, up to `most` while fewer than `enough` draws count. freedom: of the t distribution, whose
-    tails cover what a Gaussian would miss."""
+    tails cover what a Gaussian would miss. turns: in which states are scattered object by object: an object that is at
+    rest takes the first proposal, others one in three."""
 
     most: int = 10
     draws: int = 128
     enough: float = 64.0
     freedom: float = 6.0
+    turns: int = 2
 
 
 @dataclass(frozen=True)
@@ -61,13 +63,13 @@ def sample(
     s = len(centre)
     answers: list[Array] = []
     inverses: list[Array] = []
-    widths: list[Array] = []
+    widths: list[list[Array]] = []
     information = normal.information() / variance
-    for own, border in zip(normal.own, normal.border, strict=True):
+    named = [[label for b in run for label in b.states.labels] for run in problem.runs]
+    for own, border, labels in zip(normal.own, normal.border, named, strict=True):
         inverses.append(inverse(own))
         answers.append(-inverses[-1] @ border)
-        values, vectors = np.linalg.eigh(variance * inverses[-1])
-        widths.append(vectors * np.sqrt(np.maximum(values, 0.0)))
+        widths.append(_by_object(variance * inverses[-1], labels))
     flat = ((problem.upper - problem.lower) / np.sqrt(12.0)) ** -2.0  # no wider than the bounds
     information += np.diag(flat)
     scale = np.sqrt(np.maximum(np.diag(normal.shared) / variance + flat, 1e-300))
@@ -117,15 +119,84 @@ def sample(
         one = [np.concatenate(parts)[None] for parts in found.point.states]
         least = np.array([total for total, _ in _costs(problem, found, shared[:1], one)])
         first = [np.tile(own, (count, 1)) for own in one]
-    normals = [rng.standard_normal((count, width.shape[1])) for width in widths]
-    scattered = [own + z @ width.T for own, z, width in zip(first, normals, widths, strict=True)]
-    states = []
-    for r, (true, _) in enumerate(_costs(problem, found, shared, scattered)):
-        expected = least[r] / variance + (normals[r] ** 2).sum(axis=1)
-        kept = np.log(rng.uniform(size=count)) < 0.5 * (expected - true / variance)
-        drawn = np.where(kept[:, None], scattered[r], first[r])
-        states.append(tuple(np.split(drawn, np.cumsum([b.states.count for b in problem.runs[r]])[:-1], axis=1)))
+    scattered = _scattered(problem, found, shared, first, least / variance, widths, settings.turns, rng)
+    states = [
+        tuple(np.split(drawn, np.cumsum([b.states.count for b in run])[:-1], axis=1))
+        for run, drawn in zip(problem.runs, scattered, strict=True)
+    ]
     return Posterior(shared, tuple(states), counted if s else float(count))
+
+
+def _scattered(
+    problem: Problem,
+    found: Minimum,
+    shared: Array,
+    first: list[Array],
+    costs: Array,
+    widths: list[list[Array]],
+    turns: int,
+    rng: np.random.Generator,
+) -> list[Array]:
+    """Return initial states (K, n) by run, scattered about `first` (K, n) by Metropolis's algorithm.
+
+    costs (R, K): standardised, of `first`, as predicted. widths: by run and object, see `_by_object`. Proposals do not
+    depend on where states are. All states of a run move at once; of members that measurements contradict there, those
+    of one object after the other: what a collision bends leaves the objects that are not in it theirs.
+    """
+    variance, count = problem.scale**2, len(shared)
+    normals = [[rng.standard_normal((count, part.shape[1])) for part in own] for own in widths]
+    states, moved = list(first), np.zeros(costs.shape, dtype=bool)
+
+    def evaluated(members: NDArray[np.int64], proposed: list[Array]) -> Array:
+        found_costs = [total for total, _ in _costs(problem, found, shared[members], [p[members] for p in proposed])]
+        return np.array(found_costs).reshape(len(proposed), len(members)) / variance
+
+    everyone = np.arange(count)
+    proposed = [
+        start + sum((z @ part.T for z, part in zip(drawn, own, strict=True)), np.zeros_like(start))
+        for start, drawn, own in zip(first, normals, widths, strict=True)
+    ]
+    true = evaluated(everyone, proposed)
+    for r, drawn in enumerate(normals):
+        length = sum(((z**2).sum(axis=1) for z in drawn), np.zeros(count))
+        moved[r] = np.log(rng.uniform(size=count)) < 0.5 * (length + costs[r] - true[r])
+        states[r] = np.where(moved[r][:, None], proposed[r], first[r])
+    rest = np.flatnonzero(~moved.all(axis=0))
+    if not len(rest):
+        return states
+    now = evaluated(rest, states)
+    at = [[np.where(moved[r][:, None], z, 0.0) for z in drawn] for r, drawn in enumerate(normals)]
+    for j in [j for _ in range(turns) for j in range(max(map(len, widths)))]:
+        fresh = [rng.standard_normal(own[j].shape) if j < len(own) else None for own in at]
+        proposed = [
+            state if z is None else state + (z - at[r][j]) @ widths[r][j].T
+            for r, (state, z) in enumerate(zip(states, fresh, strict=True))
+        ]
+        true = evaluated(rest, proposed)
+        for r, z in enumerate(fresh):
+            if z is not None:
+                longer = ((z**2).sum(axis=1) - (at[r][j] ** 2).sum(axis=1))[rest]
+                taken = np.log(rng.uniform(size=len(rest))) < 0.5 * (longer + now[r] - true[r])
+                taken &= ~moved[r][rest]
+                states[r][rest[taken]], at[r][j][rest[taken]] = proposed[r][rest[taken]], z[rest[taken]]
+                now[r][taken] = true[r][taken]
+    return states
+
+
+def _by_object(covariance: Array, labels: list[str]) -> list[Array]:
+    """Return a factor of a covariance (n, n) of states in parts (n, m), one an object: their products add up to it.
+
+    A part moves its object, and those that come later as far as they depend on it.
+    """
+    owners = [label.split(".")[0] for label in labels]
+    order = np.array(sorted(range(len(labels)), key=lambda i: owners.index(owners[i])), dtype=np.int64)
+    values, vectors = np.linalg.eigh(covariance[np.ix_(order, order)])
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    triangle: Array = np.linalg.qr(root).R
+    factor = np.zeros_like(covariance)
+    factor[order] = triangle.T
+    sorted_owners = [owners[i] for i in order]
+    return [factor[:, [k for k, o in enumerate(sorted_owners) if o == name]] for name in dict.fromkeys(owners)]
 
 
 def _inward(mean: Array, covariance: Array, problem: Problem) -> Array:

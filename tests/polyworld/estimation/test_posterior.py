@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.stats import halfnorm, kstest, truncnorm
 
 from polyworld.estimation.posterior import SamplingSettings, _weights, sample
@@ -33,6 +36,23 @@ def test_a_linear_model_has_its_gaussian_of_constants_and_states() -> None:
     correlation = covariance / np.outer(error, error)
     assert np.abs(np.corrcoef(every.T) - correlation).max() < 0.15
     assert drawn.effective > 0.5 * COUNT
+
+
+def test_an_object_that_is_not_in_a_bent_collision_keeps_its_own_spread() -> None:
+    """States of `b` cost far more than slopes at the minimum say, so that nearly no member takes all states at once."""
+    own = LinearProblem([1], [shared_unknown(0)], rows=6)
+    block = own.runs[0][0]
+    block.states = replace(block.states, labels=tuple(f"{name}.{a}" for a in "xyz" for name in "ab"))
+
+    def bent(_: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray[np.float64]:
+        found = states.copy()
+        found[:, 1::2] += 300.0 * states[:, 1::2] ** 3
+        return found
+
+    own.laws[id(block)] = bent
+    drawn = sample(own, own.fit(), COUNT, 0, MANY).states[0][0]
+    assert drawn[:, ::2].std(axis=0) == pytest.approx(np.ones(3), abs=0.1)
+    assert drawn[:, 1::2].std(axis=0).max() < 0.4
 
 
 def test_a_rate_that_nothing_shows_is_absent_or_half_normal() -> None:
