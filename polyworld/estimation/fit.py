@@ -241,7 +241,6 @@ class _Fit:
             cost_start=found.cost_start,
             misfit=minimum.misfit / max(count, 1),
             rolling=found.rolling,
-            others={f.rolling: f.evidence - found.evidence for f in found.others},
             effective=drawn[-1 if len(drawn) < 2 else 1][1].effective,
             rollouts=self.rollouts,
             seconds=0.0,

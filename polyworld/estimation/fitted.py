@@ -105,8 +105,7 @@ class FittedRun:
 @dataclass(frozen=True, repr=False)
 class StudyFit(Reported):
     """A fitted study. cost: robust chi-square with priors at the minimum, and where the fit started; misfit: mean
-    robust chi-square of a measured component. rolling: how what can roll moves. others: of the modes that were not
-    taken, minus twice the logarithm of their evidence over that of the best."""
+    robust chi-square of a measured component. rolling: how what can roll moves."""
 
     method: Method
     constants: tuple[FittedConstant, ...]
@@ -115,7 +114,6 @@ class StudyFit(Reported):
     cost_start: float
     misfit: float
     rolling: Rolling
-    others: dict[str, float]
     effective: float
     rollouts: int
     seconds: float
