@@ -57,11 +57,12 @@ def choose(
         return Choice("spatial", reason)
     if parts.deformables:
         return Choice(*_of_deformables(plane, gravity, parts))
+    if parts.joints and (plane is None or not _along(plane, gravity)):
+        return Choice("spatial", "bodies on joints do not rub on a plane of motion that gravity presses them on")
     if plane is not None and _swings_in_view(shapes, plane, gravity, parts):
         return Choice(
             "spatial",
-            "bodies that swing on hinges: in space the joints' friction, damping and motors can be given, fitted and "
-            "found missing",
+            "bodies that swing on hinges alone keep to their plane in space, where a wrong length is found, too",
         )
     if plane is not None:
         return Choice("planar", "a motion plane was given")
@@ -120,9 +121,6 @@ def _needs_space(shapes: Mapping[str, BodyShape], statics: tuple[StaticObject, .
     compounds = [name for name, shape in shapes.items() if shape.kind == "compound"]
     if compounds:
         return f"compound shapes move in space ({', '.join(compounds)})"
-    joints = [joint.name for joint in parts.joints if joint.kind != "hinge"]
-    if joints:
-        return f"joints other than hinges work in space ({', '.join(joints)})"
     twisting = [str(d["name"]) for d in parts.deformables if d.get("twist_stiffness")]
     if twisting:
         return f"ropes that twist move in space ({', '.join(twisting)})"
@@ -134,9 +132,13 @@ def _swings_in_view(
 ) -> bool:
     """Whether all objects hang on hinges, in a plane along which gravity pulls, on which nothing can lie."""
     held = {name for joint in parts.joints for name in (joint.object, joint.other)}
+    return bool(shapes) and set(shapes) <= held and _along(plane, gravity)
+
+
+def _along(plane: MotionPlane, gravity: tuple[float, float, float]) -> bool:
+    """Whether gravity pulls along a plane alone."""
     normal = np.asarray(plane.normal) / np.linalg.norm(plane.normal)
-    along = abs(float(normal @ np.asarray(gravity))) <= 1e-6 * float(np.linalg.norm(gravity))
-    return bool(shapes) and set(shapes) <= held and along
+    return bool(abs(float(normal @ np.asarray(gravity))) <= 1e-6 * float(np.linalg.norm(gravity)))
 
 
 def with_axes_across(joints: tuple[Joint, ...], plane: MotionPlane) -> tuple[Joint, ...]:
@@ -159,8 +161,7 @@ def _of_deformables(plane: MotionPlane | None, gravity: tuple[float, float, floa
             "spatial",
             f"{names} may move anywhere; give motion_plane, or representation='planar', to keep to a plane",
         )
-    normal = np.asarray(plane.normal) / np.linalg.norm(plane.normal)
-    if abs(float(normal @ np.asarray(gravity))) > 1e-9:
+    if not _along(plane, gravity):
         return (
             "spatial",
             "gravity pulls across the motion plane, on which deformable objects cannot lie in a planar world",

@@ -27,11 +27,6 @@ def cautions(world: World, recording: Recording) -> tuple[str, ...]:
                 turned.add(name)
             lengths += [int(n) for n in (*counts, turns, *spins) if n]
     found = [*_unmeasured(world, seen, turned), *_linked(world, set(seen))]
-    if world.planar and not world.coupled and any(j.kind == "hinge" for j in world.joints):
-        found.append(
-            "hinges of a planar world turn freely: damping, friction and motors of joints are not among the effects "
-            "that were tried; describe the objects as rigid_spatial, with the hinges' axes, to have them tried"
-        )
     if len(lengths) == 1:
         found.append("one coordinate of one run: laws of time, of place and of speed can look the same in it")
     if min(lengths, default=0) < FEW:

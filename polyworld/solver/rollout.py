@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,10 @@ from polyworld.model import model_of
 from polyworld.solver.core.patience import PATIENCE, in_words
 from polyworld.solver.core.saved_state import SavedState
 from polyworld.solver.energy_watch import watch
-from polyworld.solver.stepper import NO_COUPLED_STATE, Stepper
+from polyworld.solver.stepper import NO_COUPLED_STATE, Stepper, solver_of
 from polyworld.trajectory import BatchTrajectory, Rollout
 from polyworld.trajectory.events import all_events
 from polyworld.world import World
-
-if TYPE_CHECKING:
-    from polyworld.solver.core.simulator import RigidSimulator
 
 Array = NDArray[np.float64]
 
@@ -91,7 +88,6 @@ def simulator(
         raise ValueError("sample_times must be finite, not negative, and increase")
     if n_worlds < 1:
         raise ValueError(f"n_worlds must be at least 1, got {n_worlds}")
-    # Imported here: a world needs only its own solver, and each brings its kernels.
     if world.coupled:
         if start is not None:
             raise ValueError(NO_COUPLED_STATE)
@@ -106,19 +102,9 @@ def simulator(
             progress=progress,
             patience=patience,
         )
-    made: RigidSimulator
-    if world.planar:
-        from polyworld.solver.planar import PlanarSimulator
-
-        made = PlanarSimulator(
-            model_of(world), times, n_worlds=n_worlds, record_events=record_events, threads=threads, start=start
-        )
-    else:
-        from polyworld.solver.spatial.simulator import SpatialSimulator
-
-        made = SpatialSimulator(
-            model_of(world), times, n_worlds=n_worlds, record_events=record_events, threads=threads, start=start
-        )
+    made = solver_of(world)(
+        model_of(world), times, n_worlds=n_worlds, record_events=record_events, threads=threads, start=start
+    )
     made.patience = patience
     return made
 
@@ -140,13 +126,7 @@ def scheduled_simulator(
         raise ValueError("sample_times must not be negative, and increase")
     if world.coupled:
         raise ValueError("worlds with deformable objects have one list of sample times: use `simulator`")
-    if world.planar:
-        from polyworld.solver.planar import PlanarSimulator
-
-        return PlanarSimulator(model_of(world), times, n_worlds=n_worlds, threads=threads)
-    from polyworld.solver.spatial.simulator import SpatialSimulator
-
-    return SpatialSimulator(model_of(world), times, n_worlds=n_worlds, threads=threads)
+    return solver_of(world)(model_of(world), times, n_worlds=n_worlds, threads=threads)
 
 
 def rollout(

@@ -17,6 +17,8 @@ from polyworld.world.representations.joint import Hinge, Slider
 
 if TYPE_CHECKING:
     from polyworld.solver.core.simulator import RigidSimulator
+    from polyworld.solver.planar import PlanarSimulator
+    from polyworld.solver.spatial.simulator import SpatialSimulator
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -175,10 +177,16 @@ def _simulator_of(world: World) -> RigidSimulator:
         raise ValueError(NO_COUPLED_STATE)
     model = model_of(world)
     last = np.array([max([0.0, *(o.start_time for o in world.objects)]) + 1.0])
-    if world.planar:
+    return solver_of(world)(model, last, record_events=True, threads=1)
+
+
+def solver_of(world: World) -> type[PlanarSimulator] | type[SpatialSimulator]:
+    """Return the solver of a world of rigid bodies: that in space also of bodies that joints hold in a plane."""
+    # Imported here: a world needs only its own solver, and each brings its kernels.
+    if world.planar and not world.joints:
         from polyworld.solver.planar import PlanarSimulator
 
-        return PlanarSimulator(model, last, record_events=True, threads=1)
+        return PlanarSimulator
     from polyworld.solver.spatial.simulator import SpatialSimulator
 
-    return SpatialSimulator(model, last, record_events=True, threads=1)
+    return SpatialSimulator

@@ -13,7 +13,6 @@ from polyworld.world.materials import material_of
 
 if TYPE_CHECKING:
     from polyworld.world import World
-    from polyworld.world.representations.joint import Joint
 
 
 def check_consistent(world: World) -> None:
@@ -59,31 +58,16 @@ def _check_representations(world: World) -> None:
                 f"compound shapes move in space only: {compounds}; make the representation spatial, or them "
                 "single convex shapes"
             )
-        others = [j.name for j in world.joints if j.kind != "hinge"]
-        if others and not world.deformables:
-            raise ValueError(f"planar worlds take hinges only, not {others}; use rigid_spatial objects instead")
-        resisting = {j.name: given for j in world.joints if (given := _resistance(j))}
-        if resisting and not world.deformables:
-            raise ValueError(
-                f"hinges of planar worlds turn freely, without friction, damping, stops or motors: {resisting}; "
-                "use rigid_spatial objects instead"
-            )
-    if planar and world.deformables:
+    if planar and (world.deformables or world.joints):
         plane = world.environment.motion_plane
         normal = np.asarray(plane.normal) / np.linalg.norm(plane.normal)
         across = float(normal @ np.asarray(world.environment.gravity))
         if abs(across) > 1e-9 and plane.supports:
             raise ValueError(
                 f"gravity has {across:.6g} m/s^2 across the motion plane (normal {plane.normal}): planar ropes, soft "
-                "bodies and fluids do not rub on a supporting plane; for a side view turn the motion plane's normal "
-                "across gravity, for things on a table use spatial representations on a static plane"
+                "bodies, fluids and bodies on joints do not rub on a supporting plane; for a side view turn the motion "
+                "plane's normal across gravity, for things on a table use spatial representations on a static plane"
             )
-
-
-def _resistance(joint: Joint) -> list[str]:
-    """Return the names of what resists or drives a joint along its axis."""
-    neutral = {"friction": 0.0, "damping": 0.0, "lower": None, "upper": None, "motor": None}
-    return [name for name, none in neutral.items() if getattr(joint, name, none) != none]
 
 
 def _check_effects(world: World) -> None:

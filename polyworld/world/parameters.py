@@ -56,7 +56,7 @@ def parameter_paths(world: World) -> dict[str, ParameterSpec]:
         planar = world.deformable(emitter.fluid).representation.endswith(PLANAR)
         for field, spec in EMITTER_PARAMETERS.items():
             paths[f"emitters.{emitter.name}.{field}"] = replace(spec, unit="m^2/s") if planar else spec
-    for joint in () if world.planar and not world.coupled else world.joints:  # planar hinges turn freely
+    for joint in world.joints:
         for field, spec in JOINT_PARAMETERS.items():
             if getattr(joint, field, None) is not None:
                 paths[f"joints.{joint.name}.{field}"] = spec

@@ -182,9 +182,7 @@ class World(Description):
     statics: tuple[StaticObject, ...] = Field(default=(), max_length=256)
     environment: Environment = Environment()
     effects: tuple[Effect, ...] = Field(default=(), max_length=64)
-    joints: tuple[Joint, ...] = Field(
-        default=(), max_length=256, description="joints of rigid objects; planar worlds take hinges"
-    )
+    joints: tuple[Joint, ...] = Field(default=(), max_length=256, description="joints of rigid objects")
     deformables: tuple[Deformable, ...] = Field(default=(), max_length=64, description="all but rigid")
     attachments: tuple[Attachment, ...] = Field(default=(), max_length=256, description="fastenings of deformables")
     pulleys: tuple[Pulley, ...] = Field(default=(), max_length=64, description="pulleys that ropes run over")

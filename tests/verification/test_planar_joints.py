@@ -112,31 +112,20 @@ def swung(omega: float, angle: float, mass_damping: float, spin_damping: float, 
 
 
 @pytest.mark.parametrize(("linear", "angular"), [(0.0, 0.0), (0.0, 1.5), (0.7, 0.0), (0.7, 1.5)])
-def test_pendulum_converges_to_scipy_with_the_square_of_the_step(linear: float, angular: float) -> None:
-    """3 s from 100 degrees: within 3e-4 rad at 2 ms, and four times nearer for half the step, damped or not."""
-    errors = []
-    for substep in (0.004, 0.002):
-        world = pendulum(np.radians(100.0), substep=substep, linear_damping=linear, angular_damping=angular)
-        motion = run(world, 3.0, 0.02)
-        exact = swung(0.0, np.radians(100.0), linear, angular, motion.times[0])
-        errors.append(np.abs(angles(motion) - exact).max())
-    assert errors[1] < 3e-4
-    assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.4)
+def test_pendulum_follows_scipy(linear: float, angular: float) -> None:
+    """3 s from 100 degrees at 4 ms: within 1e-4 rad, damped or not."""
+    world = pendulum(np.radians(100.0), substep=0.004, linear_damping=linear, angular_damping=angular)
+    motion = run(world, 3.0, 0.02)
+    exact = swung(0.0, np.radians(100.0), linear, angular, motion.times[0])
+    assert np.abs(angles(motion) - exact).max() < 1e-4
 
 
 def test_drag_on_a_pendulum_follows_scipy() -> None:
-    """A linear drag force -k v on the rod's centre is linear damping at the rate k/m: 5e-5 rad in 3 s.
-
-    Second order in the step: the effect sees the rates at the step's middle, with the hinge at work.
-    """
+    """A linear drag force -k v on the rod's centre is linear damping at the rate k/m: 1e-4 rad in 3 s at 4 ms."""
     drag = Effect(name="air", kind="linear_drag", parameters={"coefficient": 1.0})
-    errors = []
-    for substep in (0.004, 0.002):
-        motion = run(pendulum(1.0, effects=(drag,), substep=substep), 3.0, 0.02)
-        exact = swung(0.0, 1.0, 1.0 / MASS, 0.0, motion.times[0])
-        errors.append(np.abs(angles(motion) - exact).max())
-    assert errors[1] < 5e-5
-    assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.4)
+    motion = run(pendulum(1.0, effects=(drag,), substep=0.004), 3.0, 0.02)
+    exact = swung(0.0, 1.0, 1.0 / MASS, 0.0, motion.times[0])
+    assert np.abs(angles(motion) - exact).max() < 1e-4
 
 
 def test_a_fast_rod_turns_over_and_keeps_its_energy() -> None:
@@ -274,24 +263,10 @@ def test_bodies_hinged_to_each_other_alone_keep_momentum_and_energy() -> None:
     assert motion.events[0] == ()
 
 
-def test_friction_stops_a_ball_on_an_arm_after_the_angle_that_its_energy_allows() -> None:
-    """On a table: I omega^2 / 2 = mu m g r phi with I = m r^2 (1 + 2/5 (a/r)^2); phi to 1e-3, then at rest."""
-    radius, arm, omega, mu = 0.1, 0.5, 2.0, 0.2
-    ball = body(
-        "ball",
-        Sphere(radius=radius),
-        (arm, 0.0, radius),
-        friction=mu,
-        velocity=(0.0, arm * omega, 0.0),
-        angular_velocity=(0.0, 0.0, omega),
-    )
-    hinge = Hinge(name="post", object="ball", anchor=(0.0, 0.0, 0.0))
-    motion = run(top_view(ball, joints=(hinge,)), 2.0)
-    end = motion.positions[0, -1, 0]
-    angle = omega**2 * (arm**2 + 0.4 * radius**2) / (2 * mu * G * arm)
-    assert np.arctan2(end[1], end[0]) == pytest.approx(angle, rel=1e-3)
-    np.testing.assert_allclose(motion.velocities[0, -1, 0], 0.0, atol=1e-12)
-    np.testing.assert_allclose(np.hypot(*motion.positions[0, :, 0, :2].T), arm, atol=1e-12)
+def test_bodies_on_joints_that_would_rub_on_a_table_are_refused_with_the_cure() -> None:
+    ball = body("ball", Sphere(radius=0.1), (0.5, 0.0, 0.1))
+    with pytest.raises(ValueError, match="for things on a table use spatial representations on a static plane"):
+        top_view(ball, joints=(Hinge(name="post", object="ball", anchor=(0.0, 0.0, 0.0)),))
 
 
 def test_velocities_that_pull_at_a_hinge_are_taken_up_as_a_blow() -> None:

@@ -15,7 +15,6 @@ from polyworld.solver.spatial.simulator import SpatialSimulator
 from polyworld.solver.spatial.stepper import RigidStepper
 from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World, geometry
 from polyworld.world.representations.joint import Fixed, Hinge, Slider
-from polyworld.world.representations.rope import Rope
 from polyworld.world.shapes import Box, Capsule, Plane, Sphere
 from tests.scenes.six_bodies import six_body_world
 from tests.verification.joint_scenes import body, linked, turned
@@ -159,8 +158,6 @@ def test_a_locked_slider_runs_along_its_axis_and_a_fixed_part_goes_with_it() -> 
     )
     world = World(
         objects=(a, b),
-        # Planar worlds take joints other than hinges only beside deformable objects: here, a rope far away.
-        deformables=(Rope(name="rope", representation="rope_planar", points=((9.0, 0, 0), (9.5, 0, 0)), segments=2),),
         joints=(
             Slider(name="rail", object="a", anchor=(0, 0, 0), axis=slope),
             Fixed(name="weld", object="b", other="a", anchor=(0.1, 0, 0)),

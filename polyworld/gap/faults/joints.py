@@ -57,8 +57,6 @@ def _damping(world: World, recording: Recording) -> tuple[Variant, ...]:
 def _motor(world: World, recording: Recording) -> tuple[Variant, ...]:
     """Return a constant effort, one way or the other, at each joint that has no motor."""
     found = conditions(world, recording)
-    if world.planar and not world.coupled:
-        return ()  # hinges of planar worlds turn freely
     made = []
     for joint in world.joints:
         if not isinstance(joint, Hinge | Slider) or joint.motor is not None:
@@ -78,8 +76,6 @@ def _delay(world: World, recording: Recording) -> tuple[Variant, ...]:
     """Delay each motor by a time of its own."""
     found = conditions(world, recording)
     made = []
-    if world.planar and not world.coupled:
-        return ()
     driven = [(j, j.motor) for j in world.joints if isinstance(j, Hinge | Slider) and j.motor is not None]
     for joint, motor in driven:
         step = max(float(np.median(np.diff(run.times))) for run in recording.runs)

@@ -1,9 +1,8 @@
-"""The impulses of a step at contact rows and hinges, and the parting of overlaps."""
+"""The impulses of a step at contact rows, and the parting of overlaps."""
 
 import warp as wp
 
-from polyworld.solver.planar.joints import warm_start_hinges
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, Scene, Step
+from polyworld.solver.planar.records import Bodies, Contacts, Scene, Step
 from polyworld.solver.planar.relaxation import relax
 from polyworld.solver.planar.rows import GOOD, apply_impulse, pushed_along, row_velocity, slow_approach
 
@@ -21,19 +20,18 @@ PARTING = wp.float64(0.02)  # time in which an overlap shrinks to 1/e [s]
 
 @wp.func(inline=False)
 def solve_contact_velocities(
-    scene: wp.array[Scene], bodies: wp.array[Bodies], contacts: wp.array[Contacts], joints: wp.array[Joints], step: Step
+    scene: wp.array[Scene], bodies: wp.array[Bodies], contacts: wp.array[Contacts], step: Step
 ) -> None:
-    """Solve the impulses over h at touching rows and hinges, with friction on the supporting plane.
+    """Solve the impulses over h at touching rows, with friction on the supporting plane.
 
-    No row approaches at the end of the step; no hinge opens over it.
+    No row approaches at the end of the step.
     """
     w = step.w
     slot = step.slot
     half = step.half
     h = step.h
-    hinged = warm_start_hinges(bodies, joints, w, slot, step.ratio, h)
     for island in range(step.islands):
-        pushed = hinged
+        pushed = ZERO
         heaviest = ZERO
         first = bodies[0].first_row[w, island]
         last = bodies[0].first_row[w, island + 1]
@@ -75,7 +73,6 @@ def solve_contact_velocities(
             scene,
             bodies,
             contacts,
-            joints,
             w,
             slot,
             half,

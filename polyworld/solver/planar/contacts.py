@@ -267,8 +267,6 @@ def find_contacts(
         step.renew = 0
         step.lost = 0
         step.slack = -ONE
-    step.ratio = step.h / step.last_h
-    step.last_h = step.h
     # Slower than what does not bounce, a gap wider than this is not closed within the step.
     step.reach = scene[0].touch
     if step.heaviest > ZERO:

@@ -47,7 +47,7 @@ def effects_at(
 def find_push(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.float64, h: wp.float64) -> wp.vec3d:
     """Acceleration by gravity and effects; effects as they are at the middle of the step: second order.
 
-    What contacts, hinges and the supporting plane will do until then is what they did in the last step.
+    What contacts and the supporting plane will do until then is what they did in the last step.
     """
     g = bodies.gravity[w]
     push = wp.vec3d(g[0], g[1], ZERO) + bodies.control[w, i]
@@ -135,7 +135,7 @@ def renew_pushes(scene: Scene, bodies: Bodies, contacts: Contacts, references: R
 
 @wp.func
 def note_reactions(bodies: Bodies, step: Step) -> None:
-    """Keep what contacts, hinges and the supporting plane did to the bodies in a step for the next."""
+    """Keep what contacts and the supporting plane did to the bodies in a step for the next."""
     w = step.w
     if TWO * step.h >= step.whole:
         for m in range(step.members):

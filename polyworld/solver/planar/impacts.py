@@ -3,7 +3,7 @@
 import warp as wp
 
 from polyworld.solver.planar.contact_effects import apply_tangential_loss, with_contact_effects
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, Scene, Step
+from polyworld.solver.planar.records import Bodies, Contacts, Scene, Step
 from polyworld.solver.planar.relaxation import relax
 from polyworld.solver.planar.rows import GOOD, QUIET, SLOW, pushed_along, row_velocity, slow_approach
 
@@ -22,14 +22,13 @@ def apply_restitution(
     scene: wp.array[Scene],
     bodies: wp.array[Bodies],
     contacts: wp.array[Contacts],
-    joints: wp.array[Joints],
     step: Step,
     island: wp.int32,
     share: wp.float64,
     sticking: wp.int32,
     threshold: wp.vec2d,
 ) -> None:
-    """Bring the rows of this round to `share` of the separation speed that restitution demands; hinges hold.
+    """Bring the rows of this round to `share` of the separation speed that restitution demands.
 
     sticking: 1 for rows with a stick fraction to stick, 0 for Coulomb friction in all.
     """
@@ -52,7 +51,6 @@ def apply_restitution(
         scene,
         bodies,
         contacts,
-        joints,
         step.w,
         slot,
         half,
@@ -89,7 +87,6 @@ def limit_restitution_energy(
     scene: wp.array[Scene],
     bodies: wp.array[Bodies],
     contacts: wp.array[Contacts],
-    joints: wp.array[Joints],
     step: Step,
     island: wp.int32,
     gain: wp.float64,
@@ -113,7 +110,7 @@ def limit_restitution_energy(
     for k in range(bodies[0].first_row[w, island], bodies[0].first_row[w, island + 1]):
         r = contacts[0].order[slot, k]
         contacts[0].rows[slot, half, r].newton_impulse = contacts[0].rows[slot, half, r].impulse[0]
-    apply_restitution(scene, bodies, contacts, joints, step, island, ZERO, sticking, threshold)
+    apply_restitution(scene, bodies, contacts, step, island, ZERO, sticking, threshold)
     # Energy change at share s: plastic + linear s + bend s^2; it is `gain` at s = 1.
     plastic = ZERO
     bend = ZERO
@@ -200,9 +197,7 @@ def begin_round(
 
 
 @wp.func(inline=False)
-def resolve_impacts(
-    scene: wp.array[Scene], bodies: wp.array[Bodies], contacts: wp.array[Contacts], joints: wp.array[Joints], step: Step
-) -> None:
+def resolve_impacts(scene: wp.array[Scene], bodies: wp.array[Bodies], contacts: wp.array[Contacts], step: Step) -> None:
     """Apply Newton's law of restitution at every touching row that approaches, in rounds of those that do.
 
     In each round the rows that approach get restitution together, those that do not are left alone: a row of
@@ -250,10 +245,10 @@ def resolve_impacts(
                             i = bodies[0].island[w, k]
                             bodies[0].mixed[w, i] = bodies[0].next_rate[w, i]
                             bodies[0].next_rate[w, i] = bodies[0].drag[w, i]
-                    apply_restitution(scene, bodies, contacts, joints, step, island, ONE, law, threshold)
+                    apply_restitution(scene, bodies, contacts, step, island, ONE, law, threshold)
                     gain = energy_gain(bodies, w, island)
                     if gain > ZERO:
-                        limit_restitution_energy(scene, bodies, contacts, joints, step, island, gain, law, threshold)
+                        limit_restitution_energy(scene, bodies, contacts, step, island, gain, law, threshold)
                     for k in range(first, last):
                         r = contacts[0].order[slot, k]
                         if contacts[0].rows[slot, half, r].bounce < FAR:

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, Scene, Step
+from polyworld.solver.planar.records import Bodies, Contacts, Scene, Step
 
 wp.set_module_options({"enable_backward": False})
 
@@ -62,8 +62,8 @@ def gather_island(scene: Scene, bodies: Bodies, contacts: Contacts, step: Step, 
 
 
 @wp.func
-def sort_by_islands(scene: Scene, bodies: Bodies, contacts: Contacts, joints: Joints, step: Step) -> wp.int32:
-    """Sort the part's rows, and its bodies that rows or hinges act on, by islands; return how many there are.
+def sort_by_islands(scene: Scene, bodies: Bodies, contacts: Contacts, step: Step) -> wp.int32:
+    """Sort the part's rows, and its bodies that rows act on, by islands; return how many there are.
 
     The order within them is kept.
     """
@@ -72,17 +72,13 @@ def sort_by_islands(scene: Scene, bodies: Bodies, contacts: Contacts, joints: Jo
     n = scene.bodies
     for m in range(step.members):
         i = bodies.members[w, m]
-        bodies.label[w, i] = wp.where(joints.count > 0, 0, i)  # with hinges, all are one island
+        bodies.label[w, i] = i
         bodies.island_of[w, i] = -1
-    if joints.count > 0:
-        bodies.label[w, 0] = 0
-        bodies.island_of[w, 0] = -1
-    else:
-        for k in range(step.active):
-            r = contacts.active[slot, k]
-            b = contacts.rows[slot, step.half, r].b
-            if b < n:
-                connect(bodies.label, w, contacts.rows[slot, step.half, r].a, b)
+    for k in range(step.active):
+        r = contacts.active[slot, k]
+        b = contacts.rows[slot, step.half, r].b
+        if b < n:
+            connect(bodies.label, w, contacts.rows[slot, step.half, r].a, b)
     # Count, in the order in which the bodies come; then place.
     count = wp.int32(0)
     bodies.first_body[w, 0] = 0

@@ -7,16 +7,13 @@ from polyworld.solver.planar.episodes import record_contacts, record_last_contac
 from polyworld.solver.planar.forces import FAR, find_pushes
 from polyworld.solver.planar.impact_time import first_impact
 from polyworld.solver.planar.islands import gather_everyone, gather_island
-from polyworld.solver.planar.joints import begin_hinges, hold_hinges
 from polyworld.solver.planar.motion import move_bodies
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, References, Samples, Scene, Step
+from polyworld.solver.planar.records import Bodies, Contacts, References, Samples, Scene, Step
 from polyworld.solver.planar.step import set_paths
 
 wp.set_module_options({"enable_backward": False})
 
 ZERO = wp.float64(0.0)
-ONE = wp.float64(1.0)
-TWO = wp.float64(2.0)
 RENEWALS = 3  # of the near list within a step
 
 
@@ -25,7 +22,6 @@ def roll_out(
     scene: Scene,
     bodies: Bodies,
     contacts: Contacts,
-    joints: Joints,
     log: Log,
     samples: Samples,
     references: References,
@@ -50,7 +46,6 @@ def roll_out(
         step.w = w
         step.slot = slot + apart * wp.tid()
         step.renew = 1
-        step.last_h = ONE
     for segment in range(scene.schedule.reach[w]):
         step.segment = segment
         end = scene.schedule.end[own, segment] * scale
@@ -63,8 +58,6 @@ def roll_out(
         if joined == 1:
             step.members = gather_everyone(scene, bodies, step)
             step.everyone = 1
-            if joints.count > 0:
-                begin_hinges(scene, references.joints, w, segment)
         step.whole = ZERO
         if steps > 0:
             step.whole = (end - start) / wp.float64(steps)
@@ -86,7 +79,7 @@ def roll_out(
                 if step.heaviest == FAR:
                     step.diverged = 1
                     break
-                step = set_paths(scene, bodies, contacts, joints, samples, references, step)
+                step = set_paths(scene, bodies, contacts, samples, references, step)
                 time = step.whole
                 impact = first_impact(scene, bodies, contacts, step)
                 if step.lost == 1 and renewals < RENEWALS:
@@ -97,12 +90,8 @@ def roll_out(
                         step.everyone = 1
                 elif impact >= 0:
                     time = contacts.meet[step.slot, impact]
-                    if joints.count > 0:  # all are one island
-                        step.members = gather_everyone(scene, bodies, step)
-                        step.everyone = 1
-                    else:
-                        step.members = gather_island(scene, bodies, contacts, step, contacts.near[step.slot, impact])
-                        step.everyone = 0
+                    step.members = gather_island(scene, bodies, contacts, step, contacts.near[step.slot, impact])
+                    step.everyone = 0
                     step.effort = step.effort + step.members
                 else:
                     going = wp.int32(0)
@@ -112,9 +101,6 @@ def roll_out(
                 if log.record == 1:
                     record_contacts(bodies, contacts, log, step, time)
                 move_bodies(scene, bodies, step, time)
-                if joints.count > 0:
-                    moved = hold_hinges(references.scene, references.bodies, references.joints, step)
-                    step.slack = step.slack - TWO * moved
                 step.begin = time
         start = end
         step.time = end

@@ -6,7 +6,7 @@ Friction of a pressed patch: force and moment together lie on an elliptic limit 
 
 import warp as wp
 
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, Scene, Step
+from polyworld.solver.planar.records import Bodies, Contacts, Scene, Step
 
 wp.set_module_options({"enable_backward": False})
 
@@ -238,11 +238,11 @@ def rate_at(scene: Scene, bodies: Bodies, w: wp.int32, i: wp.int32, time: wp.flo
 
 
 @wp.func
-def couple_bodies(scene: Scene, bodies: Bodies, contacts: Contacts, joints: Joints, step: Step) -> None:
-    """Mark the members that contact rows or hinges act on; their rates are what these begin from."""
+def couple_bodies(scene: Scene, bodies: Bodies, contacts: Contacts, step: Step) -> None:
+    """Mark the members that contact rows act on; their rates are what these begin from."""
     for m in range(step.members):
         i = bodies.members[step.w, m]
-        bodies.coupled[step.w, i] = joints.hinged[i]
+        bodies.coupled[step.w, i] = 0
         bodies.next_rate[step.w, i] = bodies.rate[step.w, i]
     for k in range(step.active):
         r = contacts.active[step.slot, k]
@@ -254,7 +254,7 @@ def couple_bodies(scene: Scene, bodies: Bodies, contacts: Contacts, joints: Join
 
 @wp.func
 def predict_rates(bodies: Bodies, step: Step) -> None:
-    """Rates at the end of a step without contacts and hinges; without friction, too, of the bodies these act on."""
+    """Rates at the end of a step without contacts; without friction, too, of the bodies these act on."""
     w = step.w
     for m in range(step.members):
         i = bodies.members[w, m]
@@ -313,7 +313,7 @@ def measure_paths(scene: Scene, bodies: Bodies, step: Step) -> wp.vec3d:
 
 @wp.func
 def set_free_paths(scene: Scene, bodies: Bodies, step: Step) -> wp.vec3d:
-    """Set rates at the end of a step and changes of pose where no contact or hinge acts; see `measure_paths`."""
+    """Set rates at the end of a step and changes of pose where no contact acts; see `measure_paths`."""
     w = step.w
     found = wp.vec3d(ZERO, FAR, FAR)
     for m in range(step.members):

@@ -45,9 +45,9 @@ class Bodies:
     push: wp.array2d[wp.vec3d]  # acceleration by gravity, effects and control
     control: wp.array2d[wp.vec3d]  # acceleration by forces that are given from outside while the world runs
     drag: wp.array2d[wp.vec3d]  # change of rate by friction on the supporting plane; in an impact, the rate before
-    reaction: wp.array2d[wp.vec3d]  # acceleration by contacts, hinges and the supporting plane in the last step
+    reaction: wp.array2d[wp.vec3d]  # acceleration by contacts and the supporting plane in the last step
     touching: wp.array2d[wp.int32]  # whether the body touches another that it does not part from
-    coupled: wp.array2d[wp.int32]  # whether a contact row or a hinge acts on the body in this step
+    coupled: wp.array2d[wp.int32]  # whether a contact row acts on the body in this step
     linear_decay: wp.array2d[wp.vec3d]  # exp(-ch), phi1(ch), phi2(ch)/phi1(ch) for the current h
     angular_decay: wp.array2d[wp.vec3d]
     decay_step: wp.array2d[wp.float64]  # the h they were computed for
@@ -60,7 +60,7 @@ class Bodies:
     members: wp.array2d[wp.int32]  # the bodies whose paths the part being solved sets
     member: wp.array2d[wp.int32]  # whether a body is one of them
     label: wp.array2d[wp.int32]  # parent in the forest of bodies that contact rows connect
-    island: wp.array2d[wp.int32]  # members that rows or hinges act on, island by island
+    island: wp.array2d[wp.int32]  # members that rows act on, island by island
     island_of: wp.array2d[wp.int32]  # index of the island of a root of the forest
     first_row: wp.array2d[wp.int32]  # (W, n + 2) where each island begins in `Contacts.order`
     first_body: wp.array2d[wp.int32]  # (W, n + 2) and in `island`
@@ -86,41 +86,6 @@ class Bodies:
     time_scale: wp.array[wp.float64]  # (W,)
     time_origin: wp.array[wp.float64]  # (W,) [s]
     corners: wp.array2d[wp.vec2d]  # (W, 2 k) scratch: outlines of the pair under test
-
-
-@wp.struct
-class Joints:
-    """Hinges, each with two ends: a body, and a body or the world."""
-
-    count: wp.int32
-    ends: wp.int32  # 2; not a constant, for Warp would unroll loops over it and compile twice as much
-    body: wp.array2d[wp.int32]  # (j, 2), -1 for the world, which is always second
-    hinged: wp.array[wp.int32]  # (n,) whether a body has any
-    bodies: wp.array[wp.int32]  # the bodies that have
-    anchor: wp.array2d[wp.vec2d]  # (W, j) the pivot at the start [m]
-    arm: wp.array3d[wp.vec2d]  # (W, j, 2) the pivot in the body's own axes, from its centre [m]
-    active: wp.array2d[wp.int32]  # (W, j) whether its bodies move yet
-    moment_arm: wp.array3d[wp.vec2d]  # (W, j, 2) of the impulse being solved for [m]
-    impulse: wp.array2d[wp.vec2d]  # (W, j) on the second end over the step, its opposite on the first [N s]
-    last_impulse: wp.array2d[wp.vec2d]  # (W, j) over the step before
-    order: wp.array[wp.int32]  # the pattern of the direct solver: see `elimination`
-    first_block: wp.array[wp.int32]
-    block_row: wp.array[wp.int32]
-    first_update: wp.array[wp.int32]
-    updates: wp.array2d[wp.int32]
-    couplings: wp.array2d[wp.int32]
-    # Scratch of the direct solver, first axis S.
-    diagonal: wp.array2d[wp.vec3d]  # (S, j) of the matrix, symmetric: xx, xy, yy; then inverted
-    blocks: wp.array2d[wp.mat22d]  # (S, B) below it
-    pivots: wp.array2d[wp.vec3d]  # (S, j) of the elimination: see `factorise`
-    kept: wp.array2d[wp.vec2d]  # (S, j) impulses so far, given up where redundant
-    change: wp.array2d[wp.vec2d]  # (S, j) right-hand side, then solution
-    mobility: wp.array2d[wp.vec2d]  # (S, n) change of a body's motion per unit force and moment
-    motion: wp.array2d[wp.vec3d]  # (S, n) change of its pose
-    rotation: wp.array2d[wp.float64]  # (S, n) expected over the step [rad]
-    heading: wp.array2d[wp.vec2d]  # (S, n) cosine and sine of its angle
-    mean_heading: wp.array2d[wp.vec2d]  # (S, n) see `joints.mean_heading`
-    load: wp.array2d[wp.vec2d]  # (S, n) impulses on it along their arms, and moment of those that have moved [N m s]
 
 
 @wp.struct
@@ -180,8 +145,6 @@ class Step:
     whole: wp.float64  # length of the whole step [s]
     begin: wp.float64  # when, in the step, this part begins [s]
     h: wp.float64  # from there to the end of the step [s]
-    last_h: wp.float64  # h of the last part [s]
-    ratio: wp.float64  # h over the last one
     renew: wp.int32  # whether a body may move further than the near list allows in the next step
     lost: wp.int32  # whether one does in this step
     near: wp.int32  # pairs in that list
@@ -190,11 +153,11 @@ class Step:
     reach: wp.float64  # a gap wider than this is closed only by an impact [m]
     alike: wp.int32  # whether the last part was of all bodies, with h as long as it is again in the next step
     members: wp.int32  # bodies of this part
-    bound_members: wp.int32  # of these, how many rows or hinges act on
+    bound_members: wp.int32  # of these, how many rows act on
     half: wp.int32  # which half of the contact rows is this step's
     rows: wp.int32  # how many it has
     active: wp.int32  # rows of this part
-    islands: wp.int32  # sets of this part's bodies that rows or hinges connect
+    islands: wp.int32  # sets of this part's bodies that rows connect
     meets: wp.int32  # whether any pair collides in this step
     longest: wp.float64  # no point of this part's bodies moves further to the end of the step [m]
 
@@ -235,4 +198,3 @@ class References:
     scene: wp.array[Scene]
     bodies: wp.array[Bodies]
     contacts: wp.array[Contacts]
-    joints: wp.array[Joints]

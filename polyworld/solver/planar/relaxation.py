@@ -8,9 +8,8 @@ keep within their limits.
 
 import warp as wp
 
-from polyworld.solver.planar.joints import factorise_at_pose, project_hinge_rates, solve_hinges
 from polyworld.solver.planar.motion import slide
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, Row, Scene
+from polyworld.solver.planar.records import Bodies, Contacts, Row, Scene
 
 wp.set_module_options({"enable_backward": False})
 
@@ -167,7 +166,6 @@ def relax(
     scene: wp.array[Scene],
     bodies: wp.array[Bodies],
     contacts: wp.array[Contacts],
-    joints: wp.array[Joints],
     w: wp.int32,
     slot: wp.int32,
     half: wp.int32,
@@ -177,17 +175,16 @@ def relax(
     good: wp.float64,
     h: wp.float64,
 ) -> None:
-    """Bring the solved rows of one island to their targets, in at most so many sweeps; hinges hold.
+    """Bring the solved rows of one island to their targets, in at most so many sweeps.
 
     Ends where no speed changes by more than `threshold` [m/s] in a sweep; of bodies so many that they need more than
     PATIENCE sweeps, by more than `good` [m/s]: at rest, the next steps converge further. h: length of the step over
-    which the supporting plane and hinges act [s]; 0 for an impact.
+    which the supporting plane acts [s]; 0 for an impact.
     """
     first = bodies[0].first_row[w, island]
     last = bodies[0].first_row[w, island + 1]
     first_body = bodies[0].first_body[w, island]
     last_body = bodies[0].first_body[w, island + 1]
-    hinges = joints[0].count
     forces = wp.where(h > ZERO, 1, 0)
     # Views: what is reached through the records would be looked up again at every access.
     n = scene[0].bodies
@@ -198,11 +195,8 @@ def relax(
     rows = contacts[0].rows[slot, half]
     order = contacts[0].order[slot]
     before = ZERO
-    opened = ZERO
-    if hinges > 0 and forces == 0:
-        factorise_at_pose(bodies, joints, w, slot)
     for sweep in range(sweeps):
-        if sweep == 1 and hinges == 0:
+        if sweep == 1:
             for k in range(first, last):
                 rows[order[k]].last_impulse = rows[order[k]].impulse
                 rows[order[k]].direction = wp.vec3d()
@@ -218,23 +212,11 @@ def relax(
                 )
         found = sweep_rows(n, rates, inverse_mass, inverse_inertia, rows, order, first, last)
         residual = found[0]
-        if hinges > 0:
-            opening = ZERO
-            if forces == 1:
-                opening = solve_hinges(bodies, joints, w, slot, h)
-            else:
-                opening = project_hinge_rates(joints, rates, w, slot)
-            # What the iteration leaves: as much less as it found less than the last did.
-            left = opening
-            if opening < opened:
-                left = opening * (opening / opened)
-            opened = opening
-            residual = wp.max(residual, left)
         if forces == 1:
             residual = wp.max(residual, hold_bodies(bodies, w, first_body, last_body, h))
         if residual <= wp.where(sweep < PATIENCE, threshold, wp.max(threshold, good)):
             break
-        if sweep > 0 and hinges == 0 and sweep + 1 < sweeps:
+        if sweep > 0 and sweep + 1 < sweeps:
             beta = ZERO
             if before > ZERO and found[1] < before:
                 beta = found[1] / before

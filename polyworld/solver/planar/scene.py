@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from polyworld.core import buffers
 from polyworld.model import Model
-from polyworld.solver.planar.elimination import eliminate
-from polyworld.solver.planar.records import Joints, Scene
-from polyworld.world import StaticObject, World, geometry
+from polyworld.solver.planar.records import Scene
+from polyworld.world import StaticObject, geometry
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Plane, Wall
 
@@ -111,20 +110,6 @@ def build_scene(model: Model) -> tuple[Scene, Array]:
     return scene, poses
 
 
-def build_joints(world: World) -> Joints:
-    """Return the hinges of a planar world, without the arrays that differ per world."""
-    pairs = _hinged(world)
-    joints = Joints()
-    joints.count = len(pairs)
-    joints.ends = 2
-    joints.hinged = buffers.ints([any(i in pair for pair in pairs) for i in range(len(world.objects))])
-    joints.bodies = buffers.ints(sorted({i for pair in pairs for i in pair if i >= 0}))
-    joints.body = buffers.ints(np.reshape(pairs, (-1, 2)))
-    for name, pattern in vars(eliminate(pairs)).items():
-        setattr(joints, name, buffers.ints(pattern))
-    return joints
-
-
 def edge_normals(vertices: Array) -> Array:
     """Outward normals (k, 2) of a counter-clockwise polygon's edges; a disc has none (one zero row)."""
     if len(vertices) < 2:
@@ -151,12 +136,6 @@ def _extent(shape: Any, rotation: Array, centre: Array, normal: Array) -> tuple[
     vertices, sweep = geometry.planar_outline(shape, rotation, side)
     height = float(normal @ centre)
     return height + float(vertices[:, 1].min()) - sweep, height + float(vertices[:, 1].max()) + sweep
-
-
-def _hinged(world: World) -> list[tuple[int, int]]:
-    """Indices of the bodies that each hinge joins; -1 for the world."""
-    index = {o.name: i for i, o in enumerate(world.objects)}
-    return [(index[h.object], -1 if h.other is None else index[h.other]) for h in world.joints]
 
 
 def _overlaps(outlines: list[Outline], n: int) -> NDArray[np.int32]:

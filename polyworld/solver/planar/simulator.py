@@ -18,8 +18,8 @@ from polyworld.solver.core.references import by_reference
 from polyworld.solver.core.simulator import Batch, RigidSimulator
 from polyworld.solver.planar.kernels import roll_out
 from polyworld.solver.planar.plane_motion import PlaneMotion
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, References, Row, Samples, Scene, Step
-from polyworld.solver.planar.scene import build_joints, build_scene
+from polyworld.solver.planar.records import Bodies, Contacts, References, Row, Samples, Scene, Step
+from polyworld.solver.planar.scene import build_scene
 from polyworld.solver.planar.statics import rotation_in_plane, static_poses
 from polyworld.trajectory import Event
 from polyworld.world import geometry
@@ -67,16 +67,6 @@ BODY_FIELDS = {
     "height": wp.float64,
 }
 
-HINGE_SCRATCH = {"diagonal": wp.vec3d, "pivots": wp.vec3d, "kept": wp.vec2d, "change": wp.vec2d}
-HINGED_SCRATCH = {
-    "mobility": wp.vec2d,
-    "motion": wp.vec3d,
-    "rotation": wp.float64,
-    "heading": wp.vec2d,
-    "mean_heading": wp.vec2d,
-    "load": wp.vec2d,
-}
-
 
 class PlanarSimulator(RigidSimulator):
     """See `RigidSimulator`.
@@ -84,8 +74,7 @@ class PlanarSimulator(RigidSimulator):
     Bodies and statics are their outlines on the motion plane. A pair can meet only if their extents along the
     plane's normal overlap at the start; a static plane counts where it cuts the motion plane. Pressing on the
     motion plane is not a contact event; touching a static is. A contact that opens for less than MERGE
-    seconds and closes again is one contact. A hinge holds each body by the point that lies at its anchor where
-    the run starts the body, overrides included; it makes no events.
+    seconds and closes again is one contact.
     """
 
     def _build(self, model: Model) -> None:
@@ -100,7 +89,6 @@ class PlanarSimulator(RigidSimulator):
             ]
         )
         self._described = np.array([o.orientation for o in world.objects]).reshape(1, -1, 4)
-        self._joints = build_joints(world)
         self._allocate()
 
     def roll(
@@ -164,29 +152,16 @@ class PlanarSimulator(RigidSimulator):
         contacts.rows = buffers.per_world((slots, 2, rows), Row)
         contacts.active = buffers.per_world((slots, rows), wp.int32)
         contacts.order = buffers.per_world((slots, rows), wp.int32)
-        joints = self._joints
-        joints.anchor = buffers.per_world((w, joints.count), wp.vec2d)
-        joints.arm = buffers.per_world((w, joints.count, 2), wp.vec2d)
-        joints.moment_arm = buffers.per_world((w, joints.count, 2), wp.vec2d)
-        joints.impulse = buffers.per_world((w, joints.count), wp.vec2d)
-        joints.last_impulse = buffers.per_world((w, joints.count), wp.vec2d)
-        for name, dtype in HINGE_SCRATCH.items():
-            setattr(joints, name, buffers.per_world((slots, joints.count), dtype))
-        for name, dtype in HINGED_SCRATCH.items():
-            setattr(joints, name, buffers.per_world((slots, n), dtype))
-        joints.blocks = buffers.per_world((slots, joints.block_row.shape[0]), wp.mat22d)
-        joints.active = buffers.per_world((w, joints.count), wp.int32)
         samples = Samples()
         samples.pose = buffers.per_world((w, self.sample_times.shape[1], n), wp.vec3d)
         samples.rate = buffers.per_world((w, self.sample_times.shape[1], n), wp.vec3d)
         samples.outcome = self._outcome
         self._bodies, self._contacts, self._samples = bodies, contacts, samples
-        self._of_bodies, self._of_joints, self._of_samples = map(_Mirrors, (bodies, joints, samples))
+        self._of_bodies, self._of_samples = map(_Mirrors, (bodies, samples))
         self._references = References()
         self._references.scene = by_reference(self._scene, Scene)
         self._references.bodies = by_reference(bodies, Bodies)
         self._references.contacts = by_reference(contacts, Contacts)
-        self._references.joints = by_reference(joints, Joints)
 
     def _write(self, arrays: RigidArrays, c: int) -> None:
         """Fill the device arrays of the first c worlds in place."""
@@ -230,32 +205,17 @@ class PlanarSimulator(RigidSimulator):
         b.reaction[:c] = 0.0
         b.touching[:c] = 0
         b.control[:c] = 0.0
-        self._write_joints(arrays, c)
-        for kept in (b, self._of_joints):
-            kept.push()
+        b.push()
 
     def _forget(self, worlds: NDArray[np.int64]) -> None:
         self._of_samples.pose[worlds] = np.nan
         self._of_samples.rate[worlds] = np.nan
         self._of_samples.push()
 
-    def _write_joints(self, arrays: RigidArrays, c: int) -> None:
-        """Set each hinge's pivot in its bodies' own axes, at the poses the run starts from."""
-        body, anchor, pose = self._of_joints.body, self._of_joints.anchor[:c], self._of_bodies.pose[:c]
-        anchor[:] = arrays.joint_anchor @ self._axes[:2].T
-        arm = self._of_joints.arm[:c]
-        for j, e in np.argwhere(body >= 0):
-            x, y = (anchor[:, j] - pose[:, body[j, e], :2]).T
-            angle = pose[:, body[j, e], 2]
-            arm[:, j, e, 0] = np.cos(angle) * x + np.sin(angle) * y
-            arm[:, j, e, 1] = np.cos(angle) * y - np.sin(angle) * x
-        self._of_joints.impulse[:c] = 0.0
-        self._of_joints.last_impulse[:c] = 0.0
-
     def control(
         self, forces: Array, torques: Array, efforts: Mapping[str, float], speeds: Mapping[str, float], /
     ) -> None:
-        del efforts, speeds  # hinges of planar worlds have no motors
+        del efforts, speeds  # no joints, no motors
         control = self._of_bodies.control[:1]
         control[..., :2] = forces @ self._axes[:2].T * self._of_bodies.inverse_mass[:1, :, None]
         control[..., 2] = torques @ self._axes[2] * self._of_bodies.inverse_inertia[:1]
@@ -266,13 +226,13 @@ class PlanarSimulator(RigidSimulator):
         buffers.write(self._bodies.control, 0.0, np.s_[:1])
 
     def _records(self) -> dict[str, Any]:
-        return {"bodies": self._bodies, "contacts": self._contacts, "joints": self._joints}
+        return {"bodies": self._bodies, "contacts": self._contacts}
 
     def _kernel(self) -> Any:
         return roll_out
 
     def _inputs(self, first: int, index: int, /) -> list[Any]:
-        records = [self._scene, self._bodies, self._contacts, self._joints, self._log.record, self._samples]
+        records = [self._scene, self._bodies, self._contacts, self._log.record, self._samples]
         return [*records, self._references, first, index, self._apart]
 
     def _enlarge(self) -> bool:

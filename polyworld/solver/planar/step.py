@@ -10,7 +10,7 @@ from polyworld.solver.planar.impact_time import find_impacts
 from polyworld.solver.planar.impacts import resolve_impacts
 from polyworld.solver.planar.islands import sort_by_islands
 from polyworld.solver.planar.motion import couple_bodies, find_shifts, measure_paths, predict_rates, set_free_paths
-from polyworld.solver.planar.records import Bodies, Contacts, Joints, References, Samples, Scene, Step
+from polyworld.solver.planar.records import Bodies, Contacts, References, Samples, Scene, Step
 
 wp.set_module_options({"enable_backward": False})
 
@@ -22,7 +22,6 @@ def set_paths(
     scene: Scene,
     bodies: Bodies,
     contacts: Contacts,
-    joints: Joints,
     samples: Samples,
     references: References,
     step: Step,
@@ -34,11 +33,11 @@ def set_paths(
             references.scene, references.bodies, references.contacts, step.w, step.slot, step.half, step.active
         )
     step.islands = 0
-    if step.active > 0 or joints.count > 0:
-        couple_bodies(scene, bodies, contacts, joints, step)
-        step.islands = sort_by_islands(scene, bodies, contacts, joints, step)
     if step.active > 0:
-        resolve_impacts(references.scene, references.bodies, references.contacts, references.joints, step)
+        couple_bodies(scene, bodies, contacts, step)
+        step.islands = sort_by_islands(scene, bodies, contacts, step)
+    if step.active > 0:
+        resolve_impacts(references.scene, references.bodies, references.contacts, step)
     if scene.forces > 0:
         renew_pushes(scene, bodies, contacts, references, step)
     path = wp.vec3d()
@@ -46,7 +45,7 @@ def set_paths(
         path = set_free_paths(scene, bodies, step)
     else:
         predict_rates(bodies, step)
-        solve_contact_velocities(references.scene, references.bodies, references.contacts, references.joints, step)
+        solve_contact_velocities(references.scene, references.bodies, references.contacts, step)
         find_shifts(bodies, step)
         separate_overlaps(references.scene, references.bodies, references.contacts, step)
         path = measure_paths(scene, bodies, step)

@@ -105,7 +105,7 @@ def build_joints(world: World, base: int, rows: int) -> joint_layout.Joints:
         ("end_rotation", wp.mat33d),
     ):
         setattr(joints, name, _zeros((rows, n if order else 0), dtype))
-    joints.tree = build_tree(kinds[: len(order)], 0 if world.planar else n, rows)
+    joints.tree = build_tree(kinds[: len(order)], n, rows, locked=world.planar)
     for name in _FIELDS:
         setattr(joints, name, _zeros((1, len(order)), wp.float64))
     for name in _POINTS:

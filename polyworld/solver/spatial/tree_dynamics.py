@@ -10,11 +10,12 @@ import warp as wp
 from polyworld.effects import Motion
 from polyworld.effects.law import wrench
 from polyworld.solver.core.effect_forces import effect_forces
-from polyworld.solver.spatial.joint_layout import BALL, FIXED, HINGE, SLIDER, SPRING, Joints
+from polyworld.solver.spatial.joint_layout import BALL, FIXED, HINGE, SLIDER, Joints
 from polyworld.solver.spatial.layout import Parameters, State
 from polyworld.solver.spatial.motion import rotated
 from polyworld.solver.spatial.prediction import turning_of
-from polyworld.solver.spatial.tree_layout import FREE, Link
+from polyworld.solver.spatial.tree_layout import FREE, Link, angular, linear
+from polyworld.solver.spatial.tree_springs import pull_springs
 
 SERIES = wp.float64(1.0e-2)  # rotations below this [rad] are small
 
@@ -24,16 +25,6 @@ def unit_vector(m: int) -> wp.vec3d:
     e = wp.vec3d()
     e[m] = wp.float64(1.0)
     return e
-
-
-@wp.func
-def linear(motion: wp.spatial_vectord) -> wp.vec3d:
-    return wp.vec3d(motion[0], motion[1], motion[2])
-
-
-@wp.func
-def angular(motion: wp.spatial_vectord) -> wp.vec3d:
-    return wp.vec3d(motion[3], motion[4], motion[5])
 
 
 @wp.func
@@ -263,45 +254,6 @@ def load_links(
         square = wp.dot(rel, first_moment)
         inertias[k, n].about = own + wp.diag(wp.vec3d(square, square, square)) - wp.outer(rel, first_moment)
     pull_springs(joints, state, k)
-
-
-@wp.func
-def pull_springs(joints: wp.array[Joints], state: wp.array[State], k: int) -> None:
-    """Take the forces of springs off those that hold the links."""
-    for j in range(joints[0].count):
-        d = joints[0].kinds[j]
-        if d.kind != SPRING:
-            continue
-        joint = joints[0].joint[k, j]
-        a = joints[0].tree.links[k, joints[0].tree.link_of[d.a]]
-        at_a = a.x + a.rotation * joint.arm_a
-        at_b = state[0].bodies[k, d.b].x + state[0].bodies[k, d.b].rotation * joint.arm_b
-        rate = point_velocity(a, at_a)
-        if d.b < state[0].objects:
-            b = joints[0].tree.links[k, joints[0].tree.link_of[d.b]]
-            at_b = b.x + b.rotation * joint.arm_b
-            rate -= point_velocity(b, at_b)
-        apart = at_a - at_b
-        length = wp.length(apart)
-        if length <= wp.float64(0.0):
-            continue
-        along = apart / length
-        force = along * (joint.stiffness * (length - joint.rest_length) + joint.damping * wp.dot(rate, along))
-        hold(joints, k, joints[0].tree.link_of[d.a], at_a, force)
-        if d.b < state[0].objects:
-            hold(joints, k, joints[0].tree.link_of[d.b], at_b, -force)
-
-
-@wp.func
-def point_velocity(link: Link, x: wp.vec3d) -> wp.vec3d:
-    return linear(link.motion) + wp.cross(angular(link.motion), x - link.origin)
-
-
-@wp.func
-def hold(joints: wp.array[Joints], k: int, n: int, x: wp.vec3d, force: wp.vec3d) -> None:
-    """Add a force at a point to what holds a link."""
-    turn = wp.cross(x - joints[0].tree.links[k, n].origin, force)
-    joints[0].tree.links[k, n].force += wrench(force, turn)
 
 
 @wp.func

@@ -108,3 +108,13 @@ class Tree:
     wanted: wp.array[wp.float64]
     clear: wp.array[wp.float64]
     method: wp.array2d[wp.float64]  # (16, 13): see `tree_scene`
+
+
+@wp.func
+def linear(motion: wp.spatial_vectord) -> wp.vec3d:
+    return wp.vec3d(motion[0], motion[1], motion[2])
+
+
+@wp.func
+def angular(motion: wp.spatial_vectord) -> wp.vec3d:
+    return wp.vec3d(motion[3], motion[4], motion[5])

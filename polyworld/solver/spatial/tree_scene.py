@@ -24,12 +24,15 @@ _FREEDOMS = {
 STAGES = DOP853.n_stages + 1
 
 
-def build_tree(kinds: Any, bodies: int, rows: int) -> tree_layout.Tree:
+def build_tree(kinds: Any, bodies: int, rows: int, *, locked: bool) -> tree_layout.Tree:
     """Build the tree of joints (records of `JointKind`) on a number of bodies, with room for `rows` worlds at a time.
 
-    Springs are forces on its links. It has no links where a body is held by two other joints.
+    Springs are forces on its links. It has no links where a body is held by two other joints, or is
+    free to leave the plane that it is `locked` to.
     """
     links = _links(kinds, bodies)
+    if locked and any(link["kind"] != joint_layout.HINGE for link in links):
+        links = []
     freedoms = sum(int(link["freedoms"]) for link in links)
     tree = tree_layout.Tree()
     tree.count, tree.freedoms = len(links), freedoms

@@ -13,13 +13,11 @@ from polyworld.solver.spatial.joint_layout import BALL, SLIDER, Joints
 from polyworld.solver.spatial.layout import Parameters, State
 from polyworld.solver.spatial.tree_dynamics import (
     accelerate,
-    angular,
     begin_links,
-    linear,
     load_links,
     update_links,
 )
-from polyworld.solver.spatial.tree_layout import FREE
+from polyworld.solver.spatial.tree_layout import FREE, angular, linear
 
 STAGES = 13
 NODES = 13  # rows of the method

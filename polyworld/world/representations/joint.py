@@ -64,11 +64,10 @@ class _Limited(_Joint):
 class Hinge(_Limited):
     """Lets an object turn about an axis through a point: of the world, or of another object, which then moves with it.
 
-    Its stops do not rebound. In planar worlds the axis is the motion plane's normal, whatever `axis` says; where all
-    objects are rigid_planar it turns freely: friction, damping, stops and motors need rigid_spatial. Each object is
-    held at that point of it which lies at the anchor at the start, inside its shape or not. Objects joined by a joint
-    do not collide with each other. Velocities at the start that would pull a joint apart are taken up by it at once,
-    as a blow.
+    Its stops do not rebound. In planar worlds the axis is the motion plane's normal, whatever `axis` says. Each object
+    is held at that point of it which lies at the anchor at the start, inside its shape or not. Objects joined by a
+    joint do not collide with each other. Velocities at the start that would pull a joint apart are taken up by it at
+    once, as a blow.
     """
 
     kind: Literal["hinge"] = "hinge"

@@ -6,7 +6,6 @@ import numpy as np
 
 from polyworld.data.recording import Recording
 from polyworld.gap.cautions import cautions
-from polyworld.world import World
 from tests.polyworld.gap_scenes import Bouncing, ball_recording, ball_world, launches
 
 
@@ -50,18 +49,3 @@ def test_components_that_were_never_measured_are_named() -> None:
 def test_short_series_make_the_verdict_a_guess() -> None:
     (said,) = cautions(ball_world(), with_turns(seen(0, 1, 2, count=12)))
     assert said.startswith("series of 12 instants")
-
-
-def test_what_hinges_of_planar_worlds_cannot_do_is_said() -> None:
-    document = ball_world().model_dump()
-    document |= {"statics": (), "joints": [{"kind": "hinge", "name": "pivot", "object": "ball", "anchor": (0, 0, 1)}]}
-    document["environment"]["motion_plane"] = {"point": (0, 0, 0), "normal": (0, 1, 0), "supports": False}
-    document["objects"][0]["position"] = (0.0, 0.0, 0.6)
-    spatial = World.model_validate(document)
-    document["objects"][0]["representation"] = "rigid_planar"
-    planar = World.model_validate(document)
-    said = {
-        world.planar: any("rigid_spatial" in c for c in cautions(world, with_turns(seen(0, 1, 2))))
-        for world in (planar, spatial)
-    }
-    assert said == {True: True, False: False}
