@@ -24,8 +24,8 @@ class VerdictSettings:
     error matters to no contact. large: of a body's radius, from which contacts happen or fail that the video shows
     otherwise. unexplained: of the motion itself, beyond which the fit says no more of where a body is than its mean
     place. share: of the moving bodies that must be largely off for the whole to be poor. wrong: probability that a
-    world answers as chance would where a body is far off, from questions of `tests.benchmarks.foresight` about
-    rendered throws, bounces and ramps.
+    world answers as chance would where a body is far off, from yes/no questions about rendered throws,
+    bounces and ramps.
     """
 
     noisy: float = 2.0

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PredictionErrorSettings:
-    """Errors of predictions, chosen on questions of `tests.benchmarks.foresight` about clips of seeds 101 and 103.
+    """Errors of predictions, chosen on yes/no questions about rendered clips.
 
     other: probability that an answer without a margin (contact, order) is as good as chance there. notable: difference
     of a probability from the share of members that is worth a reason: less is not printed.

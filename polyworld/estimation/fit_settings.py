@@ -93,7 +93,7 @@ class LinkSettings:
 class ModelSettings:
     """tolerance: share of a body's size to which rigid bodies and simple contacts describe a path at best; added in
     quadrature to the measured noise. path: half width of the error of a predicted place, as a share of the distance
-    travelled since the last fitted frame: chosen on the questions of `tests.benchmarks.foresight` about two clips; 80%
+    travelled since the last fitted frame: chosen on yes/no questions about two rendered clips; 80%
     intervals of scenes by other engines then hold 84% a second later, and 44% without it."""
 
     tolerance: float = 0.002

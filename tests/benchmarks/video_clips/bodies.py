@@ -10,9 +10,8 @@ Array = NDArray[np.float64]
 Vec = tuple[float, float, float]
 Quat = tuple[float, float, float, float]  # w, x, y, z
 
-DT = 1.0 / 2400.0  # simulation step in s; every frame rate used and 30 Hz fall on whole steps
+DT = 1.0 / 2400.0  # simulation step in s; every frame rate used falls on whole steps
 HORIZON = 2.0  # s simulated beyond the last frame
-POSE_RATE = 30  # poses per s in stored continuations
 UPRIGHT: Quat = (1.0, 0.0, 0.0, 0.0)
 
 

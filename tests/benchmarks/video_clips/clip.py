@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from .bodies import Array, Rejected, Scene
+from .bodies import Rejected, Scene
 from .camera import Camera
 from .frame import draw_marks, focus_points, measured_points, occluder, place_camera, seen_share
 from .kinds import KINDS
@@ -105,11 +105,6 @@ def draw_clip(seed: list[int], kind: str, style: str) -> Clip:
         except (Rejected, FloatingPointError):
             continue
     raise Rejected(f"no usable draw of {kind} with {style}")
-
-
-def speeds(run: Run) -> Array:
-    """Return the speed of each tracked thing in each frame in m/s."""
-    return np.asarray(np.linalg.norm(run.frame_velocities[:, :, :3], axis=2))
 
 
 def generator_for(seed: list[int], purpose: int) -> Generator:

@@ -1,4 +1,4 @@
-"""Simulate a scene and record poses, velocities, touches and the times at which bodies come to rest."""
+"""Simulate a scene and record poses, velocities and touches."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -6,11 +6,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from .bodies import DT, HORIZON, POSE_RATE, Array, Cloth, Scene
+from .bodies import DT, HORIZON, Array, Cloth, Scene
 from .mjcf import build
 
-REST_SPEED = 0.01  # m/s, of the centre and of the surface by rotation
-WATCH = 4  # steps between looks at speeds and between changes of the wind's force; frames fall on these steps
+WATCH = 4  # steps between changes of the wind's force; frames fall on these steps
 GAP = round(0.02 / DT)  # touches closer in time than this many steps count as one
 
 
@@ -21,12 +20,8 @@ class Run:
     names: list[str]
     frame_poses: Array
     frame_velocities: Array
-    poses: Array  # at POSE_RATE, from the first frame to HORIZON beyond the last
-    touches: list[tuple[str, str, float, float]]  # names, start, end in s
-    rest: dict[str, float | None]  # time from which the body stays at rest, None if it moves at the end
-    end: float  # s
+    touches: list[tuple[str, str, float, float]]  # names, start, end in s, also in the HORIZON beyond the last frame
     frame_points: Array | None = None  # (time, n, 3) of a rope's joints or a cloth's vertices
-    points: Array | None = None
     states: list[Array] = field(default_factory=list)  # positions of all joints at each step of the clip
 
 
@@ -89,9 +84,6 @@ class _Recorder:
         self.scene, self.model = scene, model
         self.geoms = [model.geom(b.name).id for b in scene.bodies]
         self.names = track_names(scene)
-        self.owners = model.geom_bodyid[self.geoms]
-        self.roots = model.body_rootid[self.owners]
-        self.reach = np.array([b.size[0] / 2 for b in scene.bodies])
         self.links: list[int] = []
         if scene.rope:
             self.links = [int(model.geom(f"rope_{k}").bodyid[0]) for k in range(scene.rope.links)]
@@ -106,19 +98,6 @@ class _Recorder:
             tip = data.xpos[last] - self.link * data.xmat[last].reshape(3, 3)[:, 2]
             return np.vstack([data.xpos[self.links], tip])
         return None
-
-    def speeds(self, data: mujoco.MjData) -> Array:
-        """Return the speed of each centre plus that of its surface by rotation (m/s)."""
-        v = data.cvel[self.owners]
-        turn, way = v[:, :3], v[:, 3:].copy()
-        arm = data.geom_xpos[self.geoms] - data.subtree_com[self.roots]
-        way[:, 0] += turn[:, 1] * arm[:, 2] - turn[:, 2] * arm[:, 1]
-        way[:, 1] += turn[:, 2] * arm[:, 0] - turn[:, 0] * arm[:, 2]
-        way[:, 2] += turn[:, 0] * arm[:, 1] - turn[:, 1] * arm[:, 0]
-        out = np.sqrt((way * way).sum(axis=1)) + self.reach * np.sqrt((turn * turn).sum(axis=1))
-        if len(self.names) > len(self.geoms):  # the end of a rope or a corner of a cloth
-            out = np.append(out, np.linalg.norm(self._end(data)[1]))
-        return out
 
     def _end(self, data: mujoco.MjData) -> tuple[Array, Array]:
         """Return place and velocity of the free end of a rope or of a lower corner of a cloth."""
@@ -149,10 +128,6 @@ def point_velocity(model: mujoco.MjModel, data: mujoco.MjData, point: Array, bod
     return np.asarray(data.cvel[body, 3:] + np.cross(data.cvel[body, :3], arm))
 
 
-def _rest_time(last: int, steps: int) -> float | None:
-    return None if last > steps - round(0.1 / DT) else round(last * DT, 4)
-
-
 def simulate(scene: Scene, seconds: float, fps: int, keep_states: bool = False) -> Run:
     """Simulate the clip and HORIZON s beyond it."""
     model = build(scene)
@@ -160,18 +135,15 @@ def simulate(scene: Scene, seconds: float, fps: int, keep_states: bool = False) 
     _start(scene, model, data)
     mujoco.mj_forward(model, data)
     recorder = _Recorder(scene, model)
-    clip, every, per_pose = round(seconds / DT), round(1 / (fps * DT)), round(1 / (POSE_RATE * DT))
-    steps = -(-(clip + round(HORIZON / DT)) // per_pose) * per_pose
+    clip, every = round(seconds / DT), round(1 / (fps * DT))
     geom_names = [model.geom(i).name for i in range(model.ngeom)]
     frames: list[Any] = [[], [], []]
-    coarse: list[Any] = [[], []]
     states: list[Array] = []
-    last_moving = np.zeros(len(recorder.names), dtype=int)
     open_touch: dict[tuple[int, int], list[int]] = {}
     touches: list[tuple[int, int, int, int]] = []
     faces, owner = _faces(model) if scene.cloth else (np.zeros((0, 3), int), np.zeros(0, int))
-    for n in range(steps + 1):
-        if n % per_pose == 0 or (n <= clip and n % every == 0):
+    for n in range(clip + round(HORIZON / DT) + 1):
+        if n % every == 0:
             poses, velocities = recorder.read(data)
             if not np.all(np.abs(velocities) < 1e3):
                 raise FloatingPointError("the simulation diverged")
@@ -181,13 +153,8 @@ def simulate(scene: Scene, seconds: float, fps: int, keep_states: bool = False) 
             if n % every == 0:
                 for store, value in zip(frames, (poses, velocities, recorder.points(data)), strict=True):
                     store.append(value)
-        if n % per_pose == 0:
-            coarse[0].append(poses)
-            coarse[1].append(recorder.points(data))
-        if n % WATCH == 0:
-            last_moving[recorder.speeds(data) > REST_SPEED] = n
-            if scene.cloth:
-                _blow(model, data, scene.cloth, faces, owner)
+        if n % WATCH == 0 and scene.cloth:
+            _blow(model, data, scene.cloth, faces, owner)
         if data.ncon:
             seen = {(int(a), int(b)) for a, b in data.contact.geom[: data.ncon]}
             for key in seen:
@@ -211,11 +178,7 @@ def simulate(scene: Scene, seconds: float, fps: int, keep_states: bool = False) 
         names=recorder.names,
         frame_poses=np.array(frames[0]),
         frame_velocities=np.array(frames[1]),
-        poses=np.round(np.array(coarse[0]), 5),
         touches=[(*sorted((a, b)), s, e) for a, b, s, e in named if a and b],  # type: ignore[misc]
-        rest={name: _rest_time(int(k), steps) for name, k in zip(recorder.names, last_moving, strict=True)},
-        end=steps * DT,
         frame_points=None if frames[2][0] is None else np.array(frames[2]),
-        points=None if coarse[1][0] is None else np.array(coarse[1]),
         states=states,
     )

@@ -1,18 +1,16 @@
 """Write one clip to the public and private folders."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .clip import Clip, draw_clip, generator_for
-from .edits import WANTED as CHANGES
 from .finish import finish, write_video
 from .known import known
-from .questions import WANTED
 from .render import Film, render
-from .truth import truth
 
 
 def plain(value: Any) -> Any:
@@ -28,14 +26,14 @@ def plain(value: Any) -> Any:
     return value
 
 
-def write_clip(out: Path, name: str, seed: list[int], kind: str, style: str, changes: int = CHANGES) -> dict[str, Any]:
-    """Draw, render and write one clip with up to so many edits; return a summary."""
+def write_clip(out: Path, name: str, seed: list[int], kind: str, style: str) -> dict[str, Any]:
+    """Draw, render and write one clip; return a summary."""
     clip = draw_clip(seed, kind, style)
     film = render(generator_for(seed, 1), clip.scene, clip.look, clip.run, clip.cameras, clip.extent)
-    return write_film(out, name, seed, clip, film, changes)
+    return write_film(out, name, seed, clip, film)
 
 
-def write_film(out: Path, name: str, seed: list[int], clip: Clip, film: Film, changes: int = CHANGES) -> dict[str, Any]:
+def write_film(out: Path, name: str, seed: list[int], clip: Clip, film: Film) -> dict[str, Any]:
     """Write the video, the known facts, the truth and the masks of a rendered clip; return a summary."""
     public, private = out / "public" / name, out / "private"
     public.mkdir(parents=True, exist_ok=True)
@@ -43,12 +41,7 @@ def write_film(out: Path, name: str, seed: list[int], clip: Clip, film: Film, ch
     write_video(public, clip.look, finish(generator_for(seed, 2), clip.look, film.frames))
     facts = known(clip, film, generator_for(seed, 3))
     (public / "known.json").write_text(json.dumps(plain({"clip": name, **facts}), indent=1) + "\n")
-    hidden = truth(clip, film, generator_for(seed, 4), WANTED, changes)
-    (private / f"{name}.json").write_text(json.dumps(plain({"clip": name, **hidden})) + "\n")
+    hidden = {"clip": name, "kind": clip.scene.kind, "style": clip.look.style, "look": asdict(clip.look)}
+    (private / f"{name}.json").write_text(json.dumps(plain(hidden)) + "\n")
     np.savez_compressed(private / f"{name}_masks.npz", labels=film.labels, names=np.array(film.names))
-    return {
-        "frames": clip.look.frames,
-        "size": clip.look.size,
-        "edits": len(hidden["edits"]),
-        "questions": len(hidden["questions"]),
-    }
+    return {"frames": clip.look.frames, "size": clip.look.size}

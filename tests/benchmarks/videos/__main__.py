@@ -35,8 +35,7 @@ from atw_mcp.perception.agreement import by_agreement
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.video import load
-from tests.benchmarks.foresight.scene import DEFORMABLE
-from tests.benchmarks.videos.known import observe_as_known
+from tests.benchmarks.videos.known import DEFORMABLE, observe_as_known
 from tests.benchmarks.videos.scores import ClipScore, score_masks
 from tests.benchmarks.videos.seeds import Labels, observe_seeded
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from atw_mcp.observation.matching import Known
 from atw_mcp.perception.calibration import calibrate_from_points
@@ -16,10 +16,29 @@ from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import load
 from atw_mcp.tools.known_objects import bodies_of, corners_of
 from atw_mcp.tools.world_arguments import ObstacleArgument, ShapeArgument
-from tests.benchmarks.foresight.scene import DEFORMABLE, obstacles_of, shape_of
 from tests.benchmarks.videos.seeds import Labels
 
-Floats = NDArray[np.float64]
+DEFORMABLE = ("rope", "cloth")
+
+
+def shape_of(thing: dict[str, Any]) -> dict[str, Any]:
+    """Return a thing's shape as the tools take it."""
+    if thing["shape"] == "sphere":
+        return {"kind": "sphere", "radius": thing["diameter"] / 2}
+    if thing["shape"] == "cylinder":
+        return {"kind": "cylinder", "radius": thing["diameter"] / 2, "half_height": thing["length"] / 2}
+    return {"kind": "box", "half_extents": [c / 2 for c in thing["size"]]}
+
+
+def obstacles_of(known: dict[str, Any]) -> list[dict[str, Any]]:
+    """Fixed things of a scene, of which `known` is what a user knows, as obstacles of BuildWorld."""
+    obstacles = []
+    for thing in known["objects"]:
+        if thing.get("fixed"):
+            turn = {"orientation": thing["rotation_wxyz"]} if "rotation_wxyz" in thing else {}
+            place = {"name": thing["name"].replace(" ", "_"), "shape": shape_of(thing), "position": thing["position"]}
+            obstacles.append({**place, **turn})
+    return obstacles
 
 
 def observe_as_known(file: Path, _labels: Labels, _bodies: list[str]) -> ImageObservation:
