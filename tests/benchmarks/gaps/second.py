@@ -3,22 +3,20 @@ first: effects alone and in pairs, nothing, walls and places, contaminated runs,
 
 from __future__ import annotations
 
-import csv
-import json
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from polyworld.data.recording import Recording, Run
 from polyworld.world import World
-from tests.benchmarks.gaps.case import NOTHING, Case, Names, noncentrality
-from tests.benchmarks.second_generator.cases import Plan, Rejected, build
+from tests.benchmarks.gaps import case as gaps
+from tests.benchmarks.gaps.case import NOTHING, Names, noncentrality
+from tests.benchmarks.second_generator.cases import Case, Plan, Rejected, build
+from tests.benchmarks.second_generator.observe import Track
+from tests.benchmarks.second_generator.scene import Array, Body, Launch, Scene
 from tests.benchmarks.second_generator.sections import SECTIONS, plans
-from tests.benchmarks.second_generator.write import write_case
 
 SUBSTEP = 0.002  # [s]
 STYLES = ("a", "b")
@@ -33,7 +31,7 @@ def listed() -> list[str]:
     ]
 
 
-def drawn(index: int, level: float, seed: int) -> Case:
+def drawn(index: int, level: float, seed: int) -> gaps.Case:
     """Return a case; of style b, walls and places the generator draws the noise itself."""
     section, style, number = listed()[index].split()
     turn = [seed, ord(style), SECTIONS.index(section)]
@@ -46,9 +44,7 @@ def drawn(index: int, level: float, seed: int) -> Case:
             made = build(_at(plan, level), rng)
         except Rejected:
             continue
-        with TemporaryDirectory() as folder:
-            write_case(Path(folder), "case", made, plan, rng)
-            return read_case(Path(folder) / "public" / "case", Path(folder) / "private" / "case.json")
+        return as_recorded(plan, made)
     raise Rejected(f"no usable draw of {section} {number}")
 
 
@@ -56,99 +52,91 @@ def _at(plan: Plan, level: float) -> Plan:
     return plan if plan.section == "walls_and_places" else replace(plan, levels=(level,))
 
 
-def read_case(public: Path, private: Path) -> Case:
-    """Return a case that was written: what the analyst gets, and the truth."""
-    truth, scene = json.loads(private.read_text()), json.loads((public / "scene.json").read_text())
-    recording = read_runs(public / "data.csv")
-    tau = truth["noise"]["tau_samples"]
-    each = [e["strength_in_sigma"] for e in truth["detail"]["each"].values()]
+def as_recorded(plan: Plan, made: Case) -> gaps.Case:
+    """Return a generated case as what the analyst gets, and the key."""
+    early = bool(plan.options.get("spin_at_start_only"))
+    recording = _recording(made.scene, made.rows, 0, early)
+    tau = made.noise.tau if made.noise.kind == "ar1" else 0.0
     rows = sum(len(r.times) * len(r.names) for r in recording.runs)
-    name = f"{truth['section']} {'+'.join(truth['effects']) or 'nothing'}"
-    return Case(
-        name + (f" ({truth['detail']['options']['kind']})" if "kind" in truth["detail"]["options"] else ""),
-        world_of(scene, recording),
+    name = f"{plan.section} {'+'.join(made.effects) or 'nothing'}"
+    weakest = min([made.strength, *made.each])
+    return gaps.Case(
+        name + (f" ({plan.options['kind']})" if "kind" in plan.options else ""),
+        world_of(made.scene, recording),
         recording,
-        accepted(truth),
-        level=truth["noise"]["noise_level"],
-        held_out=read_runs(public / "held_out.csv"),
-        noncentrality=noncentrality(min([truth["strength_in_sigma"], *each]), rows, np.exp(-1.0 / tau) if tau else 0.0)
-        if truth["effects"]
-        else np.inf,
-        contaminated=Names(f"r{b['run']}" for b in truth["detail"]["bad_runs"]),
+        accepted(made),
+        level=made.level,
+        held_out=_recording(made.scene, made.held_out, len(made.rows), early),
+        noncentrality=noncentrality(weakest, rows, np.exp(-1.0 / tau) if tau else 0.0) if made.effects else np.inf,
+        contaminated=Names(f"r{b['run']}" for b in made.bad),
     )
 
 
-def accepted(truth: dict[str, Any]) -> tuple[Names, ...]:
+def accepted(made: Case) -> tuple[Names, ...]:
     """Return all sets of names that are right."""
-    if not truth["effects"]:
+    if not made.effects:
         return NOTHING
-    if isinstance(truth["accepted"], list):
-        return tuple(Names(item.split("+")) for item in truth["accepted"])
-    each = [(e, *truth["accepted"].get(e, ())) for e in truth["effects"]]
+    if isinstance(made.accepted, list):
+        return tuple(Names(item.split("+")) for item in made.accepted)
+    each = [(e, *made.accepted.get(e, ())) for e in made.effects]
     return tuple(dict.fromkeys(Names(names) for names in product(*each)))
 
 
-def read_runs(path: Path) -> Recording:
-    """Return all runs of a table; blank cells were not measured."""
-    by_run: dict[str, list[dict[str, str]]] = {}
-    with path.open() as file:
-        for row in csv.DictReader(file):
-            by_run.setdefault(row["run"], []).append(row)
-    return Recording(tuple(_run(name, own) for name, own in by_run.items()))
+Rows = tuple[Track, Array, Launch]
 
 
-def _run(name: str, rows: list[dict[str, str]]) -> Run:
-    objects = list(dict.fromkeys(row["object"] for row in rows))
-    times = sorted({float(row["t"]) for row in rows})
-    place = {t: i for i, t in enumerate(times)}
-    positions = np.full((len(times), len(objects), 3), np.nan)
-    orientations = np.full((len(times), len(objects), 4), np.nan)
-    for row in rows:
-        at = place[float(row["t"])], objects.index(row["object"])
-        for axis, column in enumerate("xyz"):
-            if row[column]:
-                positions[(*at, axis)] = float(row[column])
-        if row.get("qw"):
-            orientations[at] = [float(row[c]) for c in ("qw", "qx", "qy", "qz")]
-    return Run(f"r{name}", tuple(objects), np.array(times), positions, orientations)
+def _recording(scene: Scene, runs: list[Rows], first: int, early: bool) -> Recording:
+    """Return runs with six decimals; early: orientations in the first 0.1 s of a run alone."""
+    return Recording(tuple(_run(f"r{k}", scene, early, *run) for k, run in enumerate(runs, start=first)))
 
 
-def world_of(scene: dict[str, Any], recording: Recording) -> World:
+def _run(name: str, scene: Scene, early: bool, track: Track, present: Array, launch: Launch) -> Run:
+    kept, there = present.any(axis=0), present.any(axis=1)
+    names = tuple(b.name for b, seen in zip(scene.bodies, there, strict=True) if seen)
+    shown = present[there][:, kept].T[..., None]
+    places, turns = (np.round(v[there][:, kept].swapaxes(0, 1), 6) for v in (track.x, track.q))
+    if scene.planar:
+        places[..., 1] = np.nan
+    if scene.flat:
+        places[..., 2] = np.round([b.height / 2 for b, seen in zip(scene.bodies, there, strict=True) if seen], 6)
+    blank = (track.real[kept] - launch.t0 > 0.1)[:, None, None] & early | (not scene.orient)
+    times = np.round(track.t[kept], 6)
+    return Run(name, names, times, np.where(shown, places, np.nan), np.where(shown & ~blank, turns, np.nan))
+
+
+def world_of(scene: Scene, recording: Recording) -> World:
     """Return the analyst's base model as a world; bodies start where the first run has them."""
-    first = recording.runs[0]
-    table = scene.get("table")
-    objects = [_object(item, first, table is not None) for item in scene["objects"]]
-    environment: dict[str, Any] = {"gravity": scene["gravity"]}
-    if table is not None:
-        rim = scene["objects"][0]["rim_friction"]
-        height = scene["objects"][0]["shape"]["height"] / 2.0
-        environment["motion_plane"] = {"supports": True, "point": [0.0, 0.0, height]}
-        if rim > 0.0:  # friction of a pair is the geometric mean
-            environment["motion_plane"]["friction"] = table["friction"] ** 2 / rim
+    first, body = recording.runs[0], scene.bodies[0]
+    environment: dict[str, Any] = {"gravity": [0.0, 0.0, -9.81]}
+    objects = [_object(item, first, scene.flat) for item in scene.bodies]
+    if scene.flat:
+        environment["motion_plane"] = {"supports": True, "point": [0.0, 0.0, body.height / 2.0]}
+        if body.rim_friction > 0.0:  # friction of a pair is the geometric mean
+            environment["motion_plane"]["friction"] = body.friction**2 / body.rim_friction
         else:
-            objects = [item | {"friction": table["friction"]} for item in objects]
+            objects = [item | {"friction": body.friction} for item in objects]
     statics: list[dict[str, Any]] = []
-    if scene["floor"] and table is None:
+    if scene.floor and not scene.flat:
         statics.append({"name": "floor", "shape": {"kind": "plane"}})
-    for wall in scene["walls"]:
-        shape = {"kind": "plane", "normal": wall["normal"]}
-        statics.append({"name": wall["name"], "shape": shape, "position": wall["point"]})
+    for wall in scene.planes:
+        if wall.normal[2] < 0.5:
+            shape = {"kind": "plane", "normal": wall.normal.tolist()}
+            statics.append({"name": wall.name, "shape": shape, "position": wall.point.tolist()})
     time = {"seconds_per_frame": float(np.median(np.diff(first.times))), "substep": SUBSTEP}
     fields = {"objects": objects, "statics": statics, "environment": environment, "time": time}
     return World.model_validate(fields)
 
 
-def _object(item: dict[str, Any], first: Run, planar: bool) -> dict[str, Any]:
-    seen = first.positions[:, first.names.index(item["name"])]
+def _object(item: Body, first: Run, planar: bool) -> dict[str, Any]:
+    seen = first.positions[:, first.names.index(item.name)]
     start = np.nan_to_num(seen[np.isfinite(seen).any(axis=1)][0])
-    made: dict[str, Any] = {k: item[k] for k in ("name", "mass", "restitution")}
+    made: dict[str, Any] = {"name": item.name, "mass": item.mass, "restitution": item.restitution}
     made["position"] = [float(v) for v in start]
-    shape = item["shape"]
     if not planar:
-        return made | {"shape": {"kind": "sphere", "radius": shape["radius"]}, "friction": item["friction"]}
+        return made | {"shape": {"kind": "sphere", "radius": item.radius}, "friction": item.friction}
     return made | {
         "representation": "rigid_planar",
-        "shape": {"kind": "cylinder", "radius": shape["radius"], "half_height": shape["height"] / 2.0},
-        "friction": item["rim_friction"],
-        "torsional_radius": 2.0 * shape["radius"] / 3.0,
+        "shape": {"kind": "cylinder", "radius": item.radius, "half_height": item.height / 2.0},
+        "friction": item.rim_friction,
+        "torsional_radius": 2.0 * item.radius / 3.0,
     }

@@ -46,13 +46,22 @@ class Plan:
 
 @dataclass
 class Case:
-    """A finished case: scene, records of the runs and of the held-out runs, truth."""
+    """A finished case: scene, records of the runs and of the held-out runs, truth.
+
+    bad: contaminated runs. strength: rms per instant that the refitted base model leaves [noise], each: of every effect
+    alone. accepted: by effect, other right names; or a list of all right answers.
+    """
 
     scene: Scene
     rows: list[tuple[Track, Array, Launch]]
     held_out: list[tuple[Track, Array, Launch]]
-    clean_held_out: list[Track]
-    truth: dict[str, Any]
+    effects: list[str]
+    noise: Noise
+    level: float
+    bad: list[dict[str, Any]]
+    strength: float
+    each: list[float]
+    accepted: list[str] | dict[str, list[str]]
 
 
 def _usable(path: Path, launch: Launch, shortest: float) -> bool:
@@ -150,8 +159,14 @@ def build(plan: Plan, rng: Generator) -> Case:
         seen(law, (ts := sample_times(rng, run, path.t_end, rate, habit)), *path.sample(ts), None) for run, path in held
     ]
     held_rows = [(*add_noise(rng, t, noise), run) for t, (run, _) in zip(held_clean, held, strict=True)]
-    truth = _truth(plan, scene, law, launches, solved, noise, scale, rate, habit, bad)
-    return Case(scene, rows, held_rows, held_clean, truth)
+    parts = residuals(law, launches, list(range(len(launches))), 1e-9, 60) if law.effects else []
+    unit = np.sqrt(parts[0].shape[-1] if parts else 3) / noise.sigma
+    few = list(range(len(launches)))[:5]
+    alone = [rms(residuals(Law(scene, [e]), launches, few, 1e-7, 40)) for e in effects] if len(effects) > 1 else []
+    names = [e.name for e in effects]
+    right = plan.accepted or {n: accepted(n, scene, law.p[n]) for n in names}
+    strength, each = rms(parts) * unit, [a * unit for a in alone]
+    return Case(scene, rows, held_rows, names, noise, noise.sigma / scale, bad, strength, each, right)
 
 
 def _solve_all(
@@ -174,80 +189,3 @@ def _solve_all(
     if law.p.get("hidden_wall", {}).get("variant") == "second" and max(met) < 2:
         raise Rejected("the wall is met once only")
     return solved
-
-
-def _truth(
-    plan: Plan,
-    scene: Scene,
-    law: Law,
-    launches: list[Launch],
-    solved: list[Path],
-    noise: Noise,
-    scale: float,
-    rate: float,
-    habit: str,
-    bad: list[dict[str, Any]],
-) -> dict[str, Any]:
-    everyone = list(range(len(launches)))
-    parts = residuals(law, launches, everyone, 1e-9, 60) if law.effects else []
-    dims = parts[0].shape[-1] if parts else 3
-    total = rms(parts)
-    each = {}
-    if len(law.effects) > 1:
-        for e in law.effects:
-            alone = rms(residuals(Law(scene, [e]), launches, everyone[:5], 1e-7, 40))
-            each[e.name] = {"strength_in_sigma": alone * np.sqrt(dims) / noise.sigma, "path_fraction": alone / scale}
-    names = [e.name for e in law.effects]
-    detail: dict[str, Any] = {
-        "rig": scene.rig,
-        "style": plan.style,
-        "habit": scene.habit,
-        "rate_hz": rate,
-        "sampling": habit,
-        "weak": plan.weak and "hidden_wall" not in law.p,
-        "path_scale_m": scale,
-        "bad_runs": bad,
-        "each": each,
-        "strength_per_run_in_sigma": [rms([p]) * np.sqrt(dims) / noise.sigma for p in parts],
-        "strength_per_coordinate_in_sigma": total / noise.sigma,
-        "path_fraction": total / scale,
-        "impacts": [[list(k) for k in p.impacts] for p in solved],
-        "run_ends": [p.why for p in solved],
-        "launches": [
-            {"t0": r.t0, "starts": [{"x": s.x.tolist(), "v": s.v.tolist(), "w": s.w.tolist()} for s in r.starts]}
-            for r in launches
-        ],
-    }
-    if scene.orient and law.effects and not scene.flat:
-        detail["orientation_gap_rad"] = _turn_gap(law, launches[:4])
-    if "dropped_frames" in law.p:
-        detail["note"] = "the held-out runs have no clock fault"
-    return {
-        "section": plan.section,
-        "effects": names,
-        "parameters": {e.name: e.p for e in law.effects},
-        "noise": {
-            "kind": noise.kind,
-            "sigma_m": noise.sigma,
-            "noise_level": noise.sigma / scale,
-            "angle_sigma_rad": noise.angle_sigma if scene.orient else None,
-            "tau_samples": noise.tau if noise.kind == "ar1" else None,
-            "missing_fraction": noise.missing,
-        },
-        "free_form": plan.free_form,
-        "family": plan.family,
-        "accepted": plan.accepted or {n: accepted(n, scene, law.p[n]) for n in names},
-        "strength_in_sigma": total * np.sqrt(dims) / noise.sigma,
-        "detail": detail,
-    }
-
-
-def _turn_gap(law: Law, launches: list[Launch]) -> float:
-    """RMS angle (rad) between orientations with and without the hidden law from the same start (no refit)."""
-    gaps = []
-    for run in launches:
-        a, b = solve(law, run, 1e-7), solve(Law(law.scene, []), run, 1e-7)
-        ts = np.linspace(run.t0, min(a.t_end, b.t_end) - 1e-9, 60)
-        dot = np.abs(np.sum(a.sample(ts)[1] * b.sample(ts)[1], axis=-1))
-        gaps.append(np.mean((2 * np.arccos(np.clip(dot, 0, 1))) ** 2))
-    return float(np.sqrt(np.mean(gaps)))

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -323,24 +318,3 @@ def test_kick_reflects() -> None:
     path = simulate(law, throw([0, 0, 50], [2.0, 0, 0]), kicks=[(0.4, np.array([-1.0, 0, 0]), 0.5)])
     x = path.sample(np.array([0.4, 0.9]))[0][0, :, 0]
     assert np.allclose(x, [0.8, 0.8 - 0.5])
-
-
-@pytest.mark.benchmark  # half a minute of two whole runs
-def test_command_line_is_reproducible(tmp_path: Path) -> None:
-    texts = []
-    for name in ("p", "q"):
-        module = "tests.benchmarks.second_generator"
-        cmd = [sys.executable, "-m", module, "--out", str(tmp_path / name), "--seed", "3", "--style", "both"]
-        cmd += ["--section", "one", "contaminated", "discs", "--count", "1"]
-        subprocess.run(cmd, check=True, cwd=Path(__file__).parents[2], capture_output=True)
-        cases = sorted((tmp_path / name / "public").iterdir())
-        assert len(cases) == 6
-        texts.append("".join((c / "data.csv").read_text() + (c / "scene.json").read_text() for c in cases))
-        for c in cases:
-            truth = json.loads((tmp_path / name / "private" / f"{c.name}.json").read_text())
-            wanted = {"section", "effects", "parameters", "noise", "free_form", "strength_in_sigma", "detail"}
-            assert wanted <= set(truth)
-            given = json.loads((c / "scene.json").read_text())
-            assert {"gravity", "objects", "floor", "walls", "conventions", "note"} <= set(given)
-            assert (c / "held_out.csv").read_text().startswith("run,object,t,x,y,z")
-    assert texts[0] == texts[1]
