@@ -10,7 +10,7 @@ import importlib.util
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from tests.benchmarks.peers import accuracy, limit, measures, progress, scenes
+from tests.benchmarks.peers import accuracy, measures, progress, scenes
 from tests.benchmarks.peers.engine import Engine
 from tests.benchmarks.peers.machine import THREADS
 from tests.benchmarks.peers.mujoco_engine import MuJoCo
@@ -63,7 +63,7 @@ def tables(quick: bool) -> list[Table]:
         found.append(_pile(sizes, restitution, False, (SPATIAL,), spatial_peers))
         found.append(_pile(sizes, restitution, True, (PLANAR, SPATIAL), planar_peers))
     found += [_terrain(sizes, (SPATIAL,), spatial_peers), _chain(sizes, (PLANAR, SPATIAL), spatial_peers)]
-    return [*found, limit.table(quick)]
+    return found
 
 
 Measure = Callable[[Scene, Motion], tuple[str, ...]]

@@ -1,4 +1,4 @@
-"""How time and memory grow with bodies, particles, worlds, the horizon and evidence records.
+"""How time and memory grow with bodies, particles, worlds and the horizon.
 
 Exponents are slopes of log time over log size, by least squares on the upper half of the sizes: 1 is linear.
 """
@@ -17,7 +17,7 @@ from polyworld.solver.rollout import simulator
 from polyworld.world import World
 from polyworld.world.representations.fluid import Fluid, FluidGrid, FluidVolume
 from polyworld.world.shapes import Box
-from tests.benchmarks.peers import progress, records
+from tests.benchmarks.peers import progress
 from tests.benchmarks.peers.memory import peak_megabytes
 from tests.benchmarks.peers.polyworld_engine import world_of
 from tests.benchmarks.peers.scenes import BALL, Body, Scene, pile, six
@@ -147,7 +147,7 @@ def tables(quick: bool) -> list[Table]:
         ("what", "sizes", "prepare: exponent", "run: exponent", "memory: exponent", "run at the largest [s]", "[MB]"),
         tuple(_summary(series) for series in found),
     )
-    return [summary, *(_points(series) for series in found), *records.tables(quick)]
+    return [summary, *(_points(series) for series in found)]
 
 
 def _summary(series: Series) -> tuple[str, ...]:
@@ -174,25 +174,20 @@ def _points(series: Series) -> Table:
 
 
 def plot(tables: Sequence[Table], folder: Path) -> None:
-    """Draw time over size of every series and of evidence records to growth.png in a folder."""
+    """Draw time over size of every series to growth.png in a folder."""
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(1, 2, figsize=(11, 5))
+    figure, side = pyplot.subplots(figsize=(6, 5))
     for table in tables[1:]:
-        side = axes[1] if table.columns[0] == "records" else axes[0]
         sizes = [float(row[0].replace(",", "")) for row in table.rows]
-        chosen = range(1, len(table.columns)) if side is axes[1] else [2]
-        for k in chosen:
-            label = table.columns[k] if side is axes[1] else table.title
-            side.loglog(sizes, [float(row[k]) for row in table.rows], "o-", markersize=3, label=label)
-    for side, unit in zip(axes, ("run [s]", "one call [ms]"), strict=True):
-        side.set_xlabel("size")
-        side.set_ylabel(unit)
-        side.legend(fontsize=7)
-        side.grid(visible=True, alpha=0.3)
+        side.loglog(sizes, [float(row[2]) for row in table.rows], "o-", markersize=3, label=table.title)
+    side.set_xlabel("size")
+    side.set_ylabel("run [s]")
+    side.legend(fontsize=7)
+    side.grid(visible=True, alpha=0.3)
     figure.tight_layout()
     folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(folder / "growth.png", dpi=70)
