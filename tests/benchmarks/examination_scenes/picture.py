@@ -113,8 +113,13 @@ def looks(rng: np.random.Generator, scene: Scene) -> dict[str, str]:
     return result
 
 
-def film(rng: np.random.Generator, scene: Scene, run: Run, camera: Camera, at: list[float], path: Path) -> None:
-    """Write the clip. at: times of its frames [s]."""
+def film(
+    rng: np.random.Generator, scene: Scene, run: Run, camera: Camera, at: list[float], path: Path
+) -> NDArray[np.uint8]:
+    """Write the clip, and return what its pixels show, labels (T, H, W): 0, or 1 + the place in `shown`.
+
+    at: times of its frames [s].
+    """
     width, height = camera.size
     sun = row([*rng.uniform(-2, 2, 2), 4.0])
     setting = (
@@ -138,6 +143,11 @@ def film(rng: np.random.Generator, scene: Scene, run: Run, camera: Camera, at: l
     data = mujoco.MjData(model)
     code, rate = cv2.VideoWriter.fourcc(*"mp4v"), (len(at) - 1) / (at[-1] - at[0])
     at_pane = [model.geom(body.name).id for body in scene.bodies]  # no water is before them
+    geoms, cloth, labels = (
+        labels_of(scene, model),
+        ("", *shown(scene)).index("cloth") if "cloth" in shown(scene) else 0,
+        [],
+    )
     noise, writer = rng.uniform(1.0, 3.0), cv2.VideoWriter(str(path), code, rate, camera.size)
     with mujoco.Renderer(model, 2 * height, 2 * width) as renderer:
         for time in at:
@@ -146,15 +156,41 @@ def film(rng: np.random.Generator, scene: Scene, run: Run, camera: Camera, at: l
             mujoco.mj_forward(model, data)
             renderer.update_scene(data, camera="eye")
             picture = cv2.resize(renderer.render(), camera.size, interpolation=cv2.INTER_AREA).astype(float)
+            renderer.enable_segmentation_rendering()
+            segments = renderer.render()
+            renderer.disable_segmentation_rendering()
+            labels.append(labelled(segments[::2, ::2], geoms, cloth))
             if scene.water is not None:
-                renderer.enable_segmentation_rendering()
-                things = renderer.render()[..., 0]
-                renderer.disable_segmentation_rendering()
+                things = segments[..., 0]
                 dry = cv2.resize(np.isin(things, at_pane).astype(float), camera.size, interpolation=cv2.INTER_AREA)
                 picture = poured(picture, np.asarray(dry, dtype=float), run.filled[low], scene.water, camera)
             picture += rng.normal(0, noise, picture.shape)
             writer.write(np.ascontiguousarray(np.clip(picture, 0, 255).astype(np.uint8)[..., ::-1]))
     writer.release()
+    return np.stack(labels)
+
+
+def shown(scene: Scene) -> tuple[str, ...]:
+    """Return the names of what moves in a scene, but for water."""
+    soft = () if scene.soft is None else (scene.soft.name,)
+    return (*(b.name for b in scene.named), *soft)
+
+
+def labels_of(scene: Scene, model: mujoco.MjModel) -> NDArray[np.uint8]:
+    """Return the label of each geom; the last is of what is no geom."""
+    names, labels = shown(scene), np.zeros(model.ngeom + 1, np.uint8)
+    for k in range(model.ngeom):
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, k) or ""
+        name = "rope" if name.startswith("link") else name
+        labels[k] = names.index(name) + 1 if name in names else 0
+    return labels
+
+
+def labelled(segments: NDArray[np.int32], geoms: NDArray[np.uint8], cloth: int) -> NDArray[np.uint8]:
+    """Return labels (H, W) of ids and types of objects (H, W, 2), as MuJoCo's renderer gives them."""
+    number, kind = segments[..., 0], segments[..., 1]
+    found = geoms[np.where(kind == int(mujoco.mjtObj.mjOBJ_GEOM), number, -1)]
+    return np.where(kind == int(mujoco.mjtObj.mjOBJ_FLEX), cloth, found).astype(np.uint8)
 
 
 def poured(picture: Array, dry: Array, filled: Array, water: Water, camera: Camera) -> Array:

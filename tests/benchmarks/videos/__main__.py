@@ -1,12 +1,12 @@
 """Measure perception of rendered clips: `python -m tests.benchmarks.videos`.
 
-Clips of moving bodies are drawn and rendered by MuJoCo (`tests.benchmarks.video_clips`, written without knowledge of
-the perception code): ten kinds of motion, fourteen kinds of looks. Every clip is observed as it is, without hints, and
-scored against true masks: bodies found, objects that are none, intersection over union, distance of centroids.
+Clips of moving bodies are drawn and rendered by MuJoCo (`tests.benchmarks.examination_scenes`), of every kind but
+water. Every clip is observed as it is, without hints, and scored against true masks: bodies found, objects that are
+none, intersection over union, distance of centroids.
 Options: [--clips DIR] scores a folder drawn before, else clips are drawn: [--count K], [--seed S]; [--quick] draws ten.
 [--pictures DIR] writes outlines over frames; [--json] prints all figures. [--model NAME] scores a learned model of
 ATW_MODELS in place of OpenCV, prompted with the boxes of what OpenCV found; [--agreement] takes each object from the
-better of the two. [--known] gives the bodies' names, colours and sizes and points for the camera, as a user would, but
+better of the two. [--known] gives the bodies' names, colours and shapes and points for the camera, as a user would, but
 for cloth and rope, which are no known solids.
 [--seeded box|outline] gives one box or outline per body in one frame, and follows it from there.
 """
@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import json
 import secrets
-import subprocess
 import sys
 import tempfile
 import time
@@ -35,6 +34,7 @@ from atw_mcp.perception.agreement import by_agreement
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.observe import observe
 from atw_mcp.perception.video import load
+from tests.benchmarks.videos.drawn import DRAWN, draw
 from tests.benchmarks.videos.known import DEFORMABLE, observe_as_known
 from tests.benchmarks.videos.scores import ClipScore, score_masks
 from tests.benchmarks.videos.seeds import Labels, observe_seeded
@@ -73,17 +73,12 @@ def observe_with(
 
 
 def judge(
-    public: Path,
-    private: Path,
-    pictures: Path | None = None,
-    look: Look = observe_plain,
-    unasked: Collection[str] = (),
+    clip: Path, pictures: Path | None = None, look: Look = observe_plain, unasked: Collection[str] = ()
 ) -> tuple[ClipScore, dict[str, Any]]:
-    """Observe a clip by `look` and score it, but for bodies that were not asked for; with its kind, style and the
-    seconds it took."""
-    file = next(public.glob("clip.*"))
-    truth = np.load(private / f"{public.name}_masks.npz")
-    hidden = json.loads((private / f"{public.name}.json").read_text())
+    """Observe a clip by `look` and score it, but for bodies that were not asked for; with its kind and the seconds it
+    took."""
+    file, truth = clip / "clip.mp4", np.load(clip / "masks.npz")
+    kind = json.loads((clip / "scene.json").read_text())["kind"]
     bodies = [str(n) for n in truth["names"]]
     begin = time.process_time()
     observation = look(file, truth["labels"], bodies)
@@ -93,8 +88,8 @@ def judge(
     score = score_masks(truth["labels"][:frames], bodies, masks)
     score = replace(score, bodies=tuple(b for b in score.bodies if b.body not in unasked))
     if pictures is not None:
-        _picture(file, masks, pictures / f"{public.name}.png")
-    return score, {"clip": public.name, "kind": hidden["kind"], "style": hidden["style"], "seconds": spent}
+        _picture(file, masks, pictures / f"{clip.name}.png")
+    return score, {"clip": clip.name, "kind": kind, "seconds": spent}
 
 
 def summary(scores: Sequence[ClipScore]) -> dict[str, Any]:
@@ -130,11 +125,11 @@ def _picture(file: Path, masks: dict[str, Any], to: Path) -> None:
 def main() -> None:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--clips", type=Path, metavar="DIR", help="folder with public and private, drawn before")
+    parser.add_argument("--clips", type=Path, metavar="DIR", help="folder of scenes drawn before")
     parser.add_argument("--count", type=int, help=f"clips to draw (default: {COUNT})")
     parser.add_argument("--seed", type=int, help="default: from the operating system")
     parser.add_argument("--quick", action="store_true", help=f"draw {QUICK} clips")
-    parser.add_argument("--known", action="store_true", help="use what known.json says: bodies, sizes, camera")
+    parser.add_argument("--known", action="store_true", help="use what scene.json says: bodies, sizes, camera")
     parser.add_argument("--seeded", choices=("box", "outline"), help="follow each body from one seed")
     parser.add_argument("--pictures", type=Path, metavar="DIR")
     parser.add_argument("--json", action="store_true")
@@ -157,21 +152,24 @@ def main() -> None:
         if model.task != "segmentation":
             parser.error(f"{model.name} gives {model.task}; clips are scored by masks")
         look = partial(observe_with, model, chosen.agreement)
-    seed = secrets.randbits(32) if chosen.seed is None else chosen.seed
+    seed = secrets.randbits(30) if chosen.seed is None else chosen.seed
     with tempfile.TemporaryDirectory() as made:
         folder = chosen.clips or Path(made)
         if chosen.clips is None:
             count = chosen.count or (QUICK if chosen.quick else COUNT)
-            draw = [sys.executable, "-m", "tests.benchmarks.video_clips", "--out", made, "--seed", str(seed)]
-            subprocess.run([*draw, "--count", str(count), "--quiet"], check=True, cwd=Path(__file__).parents[3])
+            for number in range(count):
+                kind = DRAWN[number % len(DRAWN)]
+                path = folder / f"{kind}_{seed + number}"
+                scene = draw(kind, seed + number, path)
+                (path / "scene.json").write_text(json.dumps(scene))
         scores, rows = [], []
-        for public in sorted((folder / "public").iterdir()):
+        for clip in sorted(folder.iterdir()):
             unasked = DEFORMABLE if chosen.known else ()
-            score, about = judge(public, folder / "private", chosen.pictures, look, unasked)
+            score, about = judge(clip, chosen.pictures, look, unasked)
             scores.append(score)
             rows.append(about | score.to_dict())
             found = sum(b.observed is not None for b in score.bodies)
-            text = f"{public.name} {about['kind']} {about['style']}: {found} of {len(score.bodies)} found"
+            text = f"{clip.name}: {found} of {len(score.bodies)} found"
             print(f"{text}, {len(score.ghosts)} ghosts, {about['seconds']:.1f} s", file=sys.stderr, flush=True)
     figures = summary(scores) | {"seed": seed, "model": chosen.model, "agreement": chosen.agreement}
     if chosen.json:
