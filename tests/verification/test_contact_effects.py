@@ -315,20 +315,6 @@ def test_a_law_acts_only_on_contacts_of_the_objects_it_names() -> None:
         np.testing.assert_allclose(found.velocities[0, -1, :, 0], [1.0, 0.5], atol=1e-12)
 
 
-@pytest.mark.parametrize("representation", KINDS)
-def test_a_batch_gives_each_world_its_own_law_whatever_the_threads(representation: str) -> None:
-    thrown = ball(representation, velocity=(2.0, 0.0, 0.0), friction=0.2, restitution=0.9)
-    world = bouncing(thrown, effects=(law("spin_coupling"),))
-    values = np.linspace(-0.8, 0.8, 9)
-    path = "effects.law.restitution"
-    one = run(world, 0.6, n_worlds=9, overrides={path: values})
-    two = run(world, 0.6, n_worlds=9, overrides={path: values}, threads=2)
-    assert one.positions.tobytes() == two.positions.tobytes()
-    np.testing.assert_allclose(one.velocities[:, -1, 0, 0], 2.0 - (2.0 / 7.0) * (1.0 + values) * 2.0, rtol=5e-5)
-    alone = run(world, 0.6, overrides={path: values[4:5]})
-    assert alone.positions[0].tobytes() == one.positions[4].tobytes()
-
-
 def test_rigid_impacts_beside_deformable_objects_follow_the_law_too() -> None:
     rope = Rope(name="rope", points=((5.0, 0.0, 3.0), (5.5, 0.0, 3.0)), radius=0.01)
     thrown = ball(velocity=(2.0, 0.0, 0.0))

@@ -296,14 +296,3 @@ def test_light_and_heavy_loads_rest_on_a_soft_cube() -> None:
         z = run.along("plate", (0.0, 0.0, 1.0))
         assert z[-1] == pytest.approx(height + 0.0105, abs=2e-5)  # nodes are touched half a millimetre off
         assert z[-1] == pytest.approx(z[-2], abs=1e-5)
-
-
-def test_worlds_of_a_batch_equal_single_runs_to_the_bit() -> None:
-    world = World(statics=(slope(0.1),), deformables=(cube(0.1),))
-    friction = np.array([0.05, 0.2, 0.6])
-    batch = Run(world, 0.3, samples=4, n_worlds=3, overrides={"objects.cube.friction": friction})
-    for k in range(3):
-        single = Run(world, 0.3, samples=4, overrides={"objects.cube.friction": friction[k : k + 1]})
-        assert np.array_equal(
-            batch.trajectory.deformables["cube"].points[k], single.trajectory.deformables["cube"].points[0]
-        )

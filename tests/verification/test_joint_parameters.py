@@ -138,15 +138,6 @@ def test_a_pendulums_damping_and_friction_are_found_by_least_squares() -> None:
     np.testing.assert_allclose(found.x, [0.25, 0.15], rtol=2e-2)
 
 
-def test_worlds_with_motors_do_not_depend_on_the_batch_or_the_threads_to_the_bit() -> None:
-    delays = np.linspace(0.0, 0.4, 9)
-    one = batch(wheel(limit=0.04), {"joints.axle.motor.delay": delays}, 0.6, threads=1)
-    two = batch(wheel(limit=0.04), {"joints.axle.motor.delay": delays}, 0.6, threads=2)
-    alone = batch(wheel(limit=0.04), {"joints.axle.motor.delay": delays[4:5]}, 0.6)
-    assert one.orientations.tobytes() == two.orientations.tobytes()
-    assert alone.orientations[0].tobytes() == one.orientations[4].tobytes()
-
-
 def test_a_motors_delay_is_read_and_set_by_path() -> None:
     world = with_parameters(wheel(limit=0.04), {"joints.axle.motor.delay": 0.3})
     assert read_parameter(world, "joints.axle.motor.delay") == 0.3

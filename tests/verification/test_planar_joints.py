@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
-from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Effect, Environment, StaticObject, TimeBase, World
 from polyworld.world.representations.joint import Hinge
@@ -281,28 +280,6 @@ def test_a_hinge_takes_hold_when_its_object_starts() -> None:
     early = run(pendulum(1.0), 1.0)
     late = run(pendulum(1.0, start_time=0.5), 1.5)
     np.testing.assert_allclose(angles(late)[50:], angles(early), atol=1e-6)
-
-
-def test_worlds_of_a_batch_swing_as_each_would_alone() -> None:
-    """Gravity and starting position overridden per world: equal to the bit to runs of one world each."""
-    world = double_pendulum(0.8, 0.4)
-    times = np.arange(51) * 0.02
-    values = {
-        "environment.gravity.z": np.array([-9.81, -5.0, -1.62]),
-        "objects.lower.angular_velocity.y": np.array([0.0, 1.0, -2.0]),
-        "objects.upper.mass": np.array([2.0, 1.0, 3.0]),
-    }
-    batch = simulator(world, times, n_worlds=3, threads=2).run(values)
-    for w in range(3):
-        alone = simulator(world, times, threads=1).run({k: v[w : w + 1] for k, v in values.items()})
-        np.testing.assert_array_equal(batch.positions[w], alone.positions[0])
-        np.testing.assert_array_equal(batch.orientations[w], alone.orientations[0])
-
-
-def test_a_simulator_runs_the_same_twice() -> None:
-    """No impulse of one run is left for the next."""
-    pair = simulator(double_pendulum(1.0, 2.0), np.arange(51) * 0.02, threads=1)
-    np.testing.assert_array_equal(pair.run().positions, pair.run().positions)
 
 
 def test_a_chain_hung_from_both_ends_comes_to_rest_in_balance() -> None:

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
-from polyworld.model import model_of
-from polyworld.solver.spatial.simulator import SpatialSimulator
 from polyworld.world import StaticObject, World, geometry
 from polyworld.world.representations.joint import Ball, Fixed, Hinge
 from polyworld.world.shapes import Box, Cylinder, Plane, Sphere
@@ -326,20 +324,6 @@ def test_a_chain_dropped_on_the_floor_comes_to_rest_on_it() -> None:
     motion = moved(world, 3.0)
     assert np.abs(motion.velocities[0, -1]).max() < 1e-5
     assert motion.positions[0, -1, :, 2].min() > 0.0499
-
-
-def test_a_batch_of_jointed_worlds_equals_each_alone_to_the_bit() -> None:
-    world = two_rods(1.2, 2.0, 0.002)
-    times = np.linspace(0.0, 0.5, 6)
-    overrides = {
-        "objects.upper.mass": np.array([1.0, 2.0, 3.0]),
-        "objects.lower.velocity.y": np.array([0.0, 0.3, 0.0]),
-    }
-    batch = SpatialSimulator(model_of(world), times, n_worlds=3, threads=2).run(overrides)
-    for w in range(3):
-        alone = SpatialSimulator(model_of(world), times).run({k: v[w : w + 1] for k, v in overrides.items()})
-        np.testing.assert_array_equal(batch.positions[w], alone.positions[0])
-        np.testing.assert_array_equal(batch.angular_velocities[w], alone.angular_velocities[0])
 
 
 def test_late_joined_bodies_hang_from_their_joint_once_they_come() -> None:

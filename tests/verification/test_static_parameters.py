@@ -92,16 +92,6 @@ def test_a_pose_overridden_in_a_batch_is_that_of_a_world_so_described(representa
 
 
 @pytest.mark.parametrize("representation", KINDS)
-def test_worlds_of_a_batch_do_not_depend_on_each_other_to_the_bit(representation: str) -> None:
-    world = flight(SHAPES["wall"], representation)
-    angles = np.linspace(-0.3, 0.3, 7)
-    together = batch(world, {"statics.wall.rotation.z": angles, "statics.wall.position.y": angles})
-    for w in (0, 3, 6):
-        alone = batch(world, {"statics.wall.rotation.z": [angles[w]], "statics.wall.position.y": [angles[w]]})
-        assert alone.positions.tobytes() == together.positions[w : w + 1].tobytes()
-
-
-@pytest.mark.parametrize("representation", KINDS)
 def test_the_worlds_own_pose_as_an_override_changes_nothing_to_the_bit(representation: str) -> None:
     world = flight(SHAPES["tilted"], representation)
     paths = [p for p in parameter_paths(world) if p.startswith("statics.wall.") and p.count(".") == 3]

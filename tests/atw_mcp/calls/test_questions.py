@@ -13,7 +13,7 @@ from mcp_types import CallToolResult, ElicitRequestParams, ElicitResult, TextCon
 
 from atw_mcp.calls.app import App
 from evidence_store import EvidenceStore
-from tests.atw_mcp.connections import TRANSPORTS, Mode, connection
+from tests.atw_mcp.connections import Mode, connection
 from tests.atw_mcp.two_discs import case_with, two_discs
 
 MODES: tuple[Mode, ...] = ("auto", "legacy")
@@ -70,8 +70,7 @@ def test_a_person_says_which_object_is_meant(store: Path, mode: Mode) -> None:
     opened.close()
 
 
-@pytest.mark.parametrize("transport", TRANSPORTS)
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(("mode", "transport"), [("auto", "http"), ("legacy", "stdio")])  # in memory: below
 def test_two_names_are_asked_one_after_the_other_over_every_transport(store: Path, mode: Mode, transport: str) -> None:
     plain = called(store, mode, "Rollout", {"case": "discs"}, None)[0].structured_content
     assert plain is not None
@@ -82,18 +81,16 @@ def test_two_names_are_asked_one_after_the_other_over_every_transport(store: Pat
     assert len(asked) == 2
 
 
-@pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("replies", [None, [ElicitResult(action="decline")], [ElicitResult(action="cancel")]])
-def test_without_an_answer_the_refusal_stands(store: Path, mode: Mode, replies: list[ElicitResult] | None) -> None:
+def test_without_an_answer_the_refusal_stands(store: Path, replies: list[ElicitResult] | None) -> None:
     edits = [{"action": "remove", "object": "the puck"}]
-    result, asked = called(store, mode, "Rollout", {"case": "discs", "edits": edits}, replies)
+    result, asked = called(store, "auto", "Rollout", {"case": "discs", "edits": edits}, replies)
     assert result.is_error
     assert "no object 'the puck'" in text(result)
     assert "['striker', 'target']" in text(result)
     assert len(asked) == (replies is not None)
 
 
-@pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize(
     ("filled", "method"),
     [
@@ -102,10 +99,10 @@ def test_without_an_answer_the_refusal_stands(store: Path, mode: Mode, replies: 
         ({"length": "half a metre"}, None),
     ],
 )
-def test_a_person_gives_the_scale(store: Path, mode: Mode, filled: dict[str, Any], method: str | None) -> None:
+def test_a_person_gives_the_scale(store: Path, filled: dict[str, Any], method: str | None) -> None:
     given = {"case": "discs", "image_size": [400, 400]}
     replies = [ElicitResult(action="accept", content=filled)]
-    result, asked = called(store, mode, "CalibrateCamera", given, replies)
+    result, asked = called(store, "auto", "CalibrateCamera", given, replies)
     assert len(asked) == 1
     assert result.is_error == (method is None)
     assert (method or "could not be read as numbers") in text(result)

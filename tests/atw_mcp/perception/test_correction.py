@@ -37,7 +37,7 @@ RED, BLUE = (40, 40, 170), (170, 70, 40)
 def scene(tmp_path_factory: pytest.TempPathFactory) -> tuple[Clip, ImageObservation]:
     """Blue passes behind red."""
     discs = [Disc(lambda t: (40 + 5.0 * t, 80), 15, BLUE), Disc(lambda t: (150 - 1.0 * t, 90), 18, RED)]
-    clip = render(tmp_path_factory.mktemp("correction") / "a.mp4", discs, 34)
+    clip = render(tmp_path_factory.mktemp("correction") / "a.mp4", discs, 28)
     observation = observe(clip.path, expected=["blue ball", "red ball"])
     assert observation.names == ("red_ball", "blue_ball") or observation.names == ("blue_ball", "red_ball")
     return clip, observation
@@ -56,7 +56,7 @@ def followed(observation: ImageObservation, clip: Clip, name: str, k: int) -> np
 def crossing(tmp_path_factory: pytest.TempPathFactory) -> tuple[Clip, ImageObservation]:
     """Blue passes behind red, with shadows; nothing of either is known."""
     discs = [Disc(lambda t: (40 + 5.0 * t, 70), 14, BLUE), Disc(lambda t: (150 - 1.0 * t, 84), 17, RED)]
-    clip = render(tmp_path_factory.mktemp("constraints") / "a.mp4", discs, 30, shadows=True)
+    clip = render(tmp_path_factory.mktemp("constraints") / "a.mp4", discs, 24, shadows=True)
     seen = observe(clip.path)
     return clip, correct(seen, clip.path, [Drop(name) for name in seen.names])
 
@@ -80,23 +80,7 @@ def blue_alone(crossing: tuple[Clip, ImageObservation]) -> ImageObservation:
 def both(crossing: tuple[Clip, ImageObservation]) -> ImageObservation:
     """Both followed from one circle each."""
     clip, nothing = crossing
-    return correct(nothing, clip.path, [blue(3), red(25)])
-
-
-def test_object_added_in_one_frame_is_followed_through_all(scene: tuple[Clip, ImageObservation]) -> None:
-    clip, observation = scene
-    x, y = 40 + 5.0 * 4, 80.0
-    corrected = correct(
-        observation, clip.path, [Drop("blue_ball"), Outline("found", 4, box=(x - 18, y - 18, 36, 36), add=True)]
-    )
-    assert set(corrected.names) == {"red_ball", "found"}
-    clear = [t for t in range(34) if clip.truth[0][t].sum() > 650]
-    values = np.array([overlap(corrected.mask("found", t), clip.truth[0][t]) for t in clear])
-    assert values.mean() > 0.9
-    assert values.min() > 0.8
-    off = [np.linalg.norm(corrected.object("found").centroid[t] - [40 + 5.0 * t, 80]) for t in clear]
-    assert np.median(off) < 0.7
-    assert corrected.object("found").colour.name == "blue"
+    return correct(nothing, clip.path, [blue(3), red(21)])
 
 
 def test_outlines_and_masks_say_where_an_object_is(tmp_path: Path) -> None:
@@ -137,9 +121,10 @@ def test_seeds_follow_both_bodies_through_their_crossing(
     clip, seen = crossing[0], both
     for name, start, step in (("blue", (40.0, 70.0), 5.0), ("red", (150.0, 84.0), -1.0)):
         own = seen.object(name)
-        truth = np.stack([start[0] + step * np.arange(30), np.full(30, start[1])], axis=1)
+        assert own.colour.name == name
+        truth = np.stack([start[0] + step * np.arange(24), np.full(24, start[1])], axis=1)
         off = np.linalg.norm(own.centroid - truth, axis=1)
-        whole = [t for t in range(30) if own.status[t] == "visible"]
+        whole = [t for t in range(24) if own.status[t] == "visible"]
         assert np.nanmedian(off[whole]) < 0.5
         assert not (off[whole] > 7.0).any()
     assert scored(seen, clip, "red", 1).mean() > 0.9
@@ -152,7 +137,7 @@ def test_masks_in_seeded_frames_outlive_all_later_corrections(crossing: tuple[Cl
     given = np.roll(clip.truth[0][4], 4, axis=1)
     first = correct(nothing, clip.path, [Outline("blue", 4, mask=RunLengthMask.encode(given), add=True)])
     assert np.array_equal(first.mask("blue", 4), given)
-    second = correct(first, clip.path, [blue(20, add=False), red(25)])
+    second = correct(first, clip.path, [blue(20, add=False), red(21)])
     of_twenty = second.mask("blue", 20)
     third = correct(second, clip.path, [red(5, add=False), red(4, add=False), Stay("red", 0, 1)])
     last = correct(third, clip.path, [Rename("blue", "puck"), Exclude(10, 12, box=(0, 120, 40, 40))])
@@ -168,8 +153,8 @@ def test_order_of_corrections_does_not_matter(crossing: tuple[Clip, ImageObserva
     clip, nothing = crossing
     said: list[Correction] = [
         blue(3),
-        red(25),
-        blue(27, add=False),
+        red(21),
+        blue(22, add=False),
         Exclude(14, 16, box=(0, 0, 30, 30)),
     ]
     results = [
@@ -198,17 +183,19 @@ def test_two_seeds_of_an_object_are_met_from_both_sides(tmp_path: Path) -> None:
     assert (values > 0.8).sum() >= 26
 
 
-def test_excluded_region_holds_nothing(crossing: tuple[Clip, ImageObservation], both: ImageObservation) -> None:
+def test_excluded_region_holds_nothing(
+    crossing: tuple[Clip, ImageObservation], both: ImageObservation, blue_alone: ImageObservation
+) -> None:
     clip, seen = crossing[0], both
     x, y, w, h = 40 + 5.0 * 8 - 14, 70.0 - 14, 28.0, 28.0
     barred = correct(seen, clip.path, [Exclude(7, 9, "blue", box=(x - 8, y - 8, w + 16, h + 16))])
     for t in (7, 8, 9):
         assert not barred.mask("blue", t)[round(y) : round(y + h), round(x) : round(x + w)].any()
     assert scored(barred, clip, "red", 1).mean() > 0.9
-    assert overlap(barred.mask("blue", 25), clip.truth[0][25]) > 0.85
-    gone = correct(seen, clip.path, [Exclude(20, 29, "blue")])
-    assert all(not gone.mask("blue", t).any() for t in range(20, 30))
-    assert np.array_equal(gone.mask("blue", 3), seen.mask("blue", 3))
+    assert overlap(barred.mask("blue", 22), clip.truth[0][22]) > 0.85
+    gone = correct(blue_alone, clip.path, [Exclude(20, 23, "blue")])
+    assert all(not gone.mask("blue", t).any() for t in range(20, 24))
+    assert np.array_equal(gone.mask("blue", 3), blue_alone.mask("blue", 3))
 
 
 def test_contradictory_statements_are_refused(
@@ -268,12 +255,12 @@ def test_place_in_the_world_moves_the_mask_there(
         [0.0, 0.0, 1.0],
         (240, 160),
     ).camera
-    u, v = 40 + 5.0 * 26, 70.0
+    u, v = 40 + 5.0 * 22, 70.0
     position = ((u - 120.0) / 200.0, -(v - 80.0) / 200.0, 0.0)
-    placed = correct(seen, clip.path, [Place("blue", 26, position)], camera=camera)
-    assert placed.object("blue").centroid[26] == pytest.approx([u, v], abs=1.0)
-    assert overlap(placed.mask("blue", 26), clip.truth[0][26]) > 0.85
-    assert [c.position for c in placed.constraints if getattr(c, "frame", None) == 26] == [position]
+    placed = correct(seen, clip.path, [Place("blue", 22, position)], camera=camera)
+    assert placed.object("blue").centroid[22] == pytest.approx([u, v], abs=1.0)
+    assert overlap(placed.mask("blue", 22), clip.truth[0][22]) > 0.85
+    assert [c.position for c in placed.constraints if getattr(c, "frame", None) == 22] == [position]
 
 
 def test_split_and_merge_undo_each_other(scene: tuple[Clip, ImageObservation]) -> None:
@@ -302,8 +289,8 @@ def test_rename_and_drop_change_nothing_else(scene: tuple[Clip, ImageObservation
         (Rename("red_ball", "blue_ball"), "taken"),
         (Rename("red_ball", "a ball!"), "not a name"),
         (Merge("red_ball", "red_ball"), "two different"),
-        (Split("red_ball", 0, "x"), r"1\.\.33"),
-        (Outline("red_ball", 34, box=(1, 1, 9, 9)), r"0\.\.33"),
+        (Split("red_ball", 0, "x"), r"1\.\.27"),
+        (Outline("red_ball", 28, box=(1, 1, 9, 9)), r"0\.\.27"),
         (Outline("red_ball", 3), "give one of outline, circle, box, centre, mask, not none"),
         (Outline("red_ball", 3, box=(1, 1, 9, 9), centre=(4, 4)), "not box, centre"),
         (Outline("new", 3, centre=(4, 4), add=True), "its shape is not known: give an outline, a circle"),

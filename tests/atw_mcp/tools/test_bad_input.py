@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sqlite3
 from pathlib import Path
 from typing import Any
@@ -10,9 +9,7 @@ from typing import Any
 import pytest
 
 from atw_mcp.calls.app import App
-from atw_mcp.server import build_server
-from evidence_store import EvidenceStore, NotAStore
-from tests.atw_mcp.clips import FRAMES, write_clip, write_tracks
+from tests.atw_mcp.clips import write_clip, write_tracks
 from tests.atw_mcp.session import Session
 from tests.atw_mcp.two_discs import case_with, two_discs
 
@@ -29,34 +26,6 @@ def sliding(session: Session, tmp_path: Path) -> tuple[Session, str, str]:
 def test_no_such_file_names_the_files_there_are(session: Session, tmp_path: Path) -> None:
     write_clip(tmp_path / "marbles.mp4")
     assert "marbles.mp4" in session.refused("OpenCase", video=str(tmp_path / "marble.mp4"))
-
-
-def test_a_folder_is_not_a_video(session: Session, tmp_path: Path) -> None:
-    assert "folder" in session.refused("OpenCase", video=str(tmp_path))
-
-
-def test_a_text_file_is_not_a_video(session: Session, tmp_path: Path) -> None:
-    (tmp_path / "a.mp4").write_text("this is no video\n" * 50)
-    assert "not a video" in session.refused("OpenCase", video=str(tmp_path / "a.mp4"))
-
-
-def test_an_empty_file_is_not_a_video(session: Session, tmp_path: Path) -> None:
-    (tmp_path / "a.mp4").touch()
-    assert "0 bytes" in session.refused("OpenCase", video=str(tmp_path / "a.mp4"))
-
-
-def test_a_video_without_frames_is_refused(session: Session, tmp_path: Path) -> None:
-    path = write_clip(tmp_path / "none.mp4", frames=0)
-    if path.stat().st_size == 0:
-        pytest.skip("this OpenCV writes no file for a video without frames")
-    assert re.search(r"no frame|not a video", session.refused("OpenCase", video=str(path)))
-
-
-def test_a_truncated_video_is_refused_or_opened_with_what_decodes(session: Session, tmp_path: Path) -> None:
-    whole = write_clip(tmp_path / "whole.mp4").read_bytes()
-    (tmp_path / "cut.mp4").write_bytes(whole[: len(whole) // 2])
-    assert "truncated" in session.refused("OpenCase", video=str(tmp_path / "cut.mp4"))
-    assert session("OpenCase", video=str(tmp_path / "whole.mp4"))["data"]["facts"]["frame_count"] == FRAMES
 
 
 def test_unknown_case_names_the_cases(session: Session, tmp_path: Path) -> None:
@@ -226,17 +195,3 @@ def test_a_store_locked_for_a_while_is_reported_and_nothing_is_lost(tmp_path: Pa
         locker.rollback()
         locker.close()
     assert impatient("ReadEvidence", evidence=opened["evidence"])["evidence"] == opened["evidence"]
-
-
-def test_a_file_that_is_no_store_is_refused_at_the_start(tmp_path: Path) -> None:
-    (tmp_path / "notes.txt").write_text("not a database, but quite long\n" * 100)
-    with pytest.raises(NotAStore, match="--store"):
-        build_server(tmp_path / "notes.txt")
-
-
-def test_two_servers_share_one_store(tmp_path: Path) -> None:
-    first, second = Session(tmp_path / "atw.db"), Session(tmp_path / "atw.db")
-    opened = first("OpenCase", video=str(write_clip(tmp_path / "marbles.mp4")))
-    assert second("OpenCase", case=opened["case"])["case"] == opened["case"]
-    assert first("OpenCase")["data"] == second("OpenCase")["data"]
-    assert len(EvidenceStore(tmp_path / "atw.db").evidence.of_case(opened["case"])) == 2

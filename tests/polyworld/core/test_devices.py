@@ -14,22 +14,24 @@ import warp as wp
 from polyworld.core import buffers
 from polyworld.core.warp_settings import NO_DRIVER, without_driver_warning
 from polyworld.estimation.fit import FitOptions, fit
+from polyworld.estimation.study import Study
 from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import World
-from tests.polyworld.synthetic import of_one
-from tests.scenes.material_parameters import scenes
+from tests.polyworld.estimation import pucks
+from tests.polyworld.solver import test_batches as materials
 from tests.scenes.six_bodies import six_body_world
 
 TIMES = np.array([0.0, 0.02, 0.04])
 ACCELERATORS = [d.alias for d in wp.get_devices() if not d.is_cpu]
-MATERIALS = {scene.name: scene for scene in scenes()}
-SHARED = ("rope over a pulley", "cloth", "soft body", "tap")
-RUN_ON_CUDA = ("planar", "spatial", "rigid pucks", "rigid ball")
+SHARED: dict[str, Callable[[], World]] = {
+    made.__name__: made for made in (materials.rope, materials.cloth, materials.soft, materials.fluid)
+}
+RUN_ON_CUDA = ("planar", "spatial")
 WORLDS: dict[str, Callable[[], World]] = {
     "planar": lambda: six_body_world(planar=True),
     "spatial": lambda: six_body_world(planar=False),
-    **{name: lambda name=name: MATERIALS[name].build(False) for name in SHARED},
+    **SHARED,
 }
 
 
@@ -67,7 +69,7 @@ def test_motion_does_not_depend_on_whether_memory_is_shared_with_numpy(
 
 @pytest.mark.parametrize("name", RUN_ON_CUDA)
 def test_worlds_move_on_an_accelerator_as_on_the_cpu(name: str, accelerator: str) -> None:
-    world = WORLDS[name]() if name in WORLDS else MATERIALS[name].build(False)
+    world = WORLDS[name]()
     there = motion(world, 3)
     buffers.use_device("cpu")
     here = motion(world, 3)
@@ -100,10 +102,9 @@ def test_all_else_that_is_written_while_warp_starts_is_passed_on(capfd: pytest.C
 
 
 def test_batches_fit_on_an_accelerator_as_on_the_cpu(accelerator: str) -> None:
-    scene = MATERIALS["rigid pucks"]
-    options = FitOptions(share=0.0, states=False, edit=lambda _: list(scene.unknowns))
+    options = FitOptions(share=0.0)
     assert accelerator != "cpu"
-    study = of_one(scene.build(False), scene.observed(0))
+    study = Study((pucks.clip(pucks.discs([0.1, 0.2]), pucks.CROSSING, 30),))
     there = fit(study, options)
     buffers.use_device("cpu")
     here = fit(study, options)

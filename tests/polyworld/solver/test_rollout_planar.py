@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 
 from polyworld.solver.rollout import MAX_SUBSTEPS, rollout, simulator
-from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Effect, Environment, StaticObject, TimeBase, World
 from polyworld.world.shapes import Box, Plane, Sphere, Wall
 from tests.verification.planar_scenes import G, body, disc, run, side_view, top_view
-
-FIELDS = ("times", "positions", "orientations", "velocities", "angular_velocities")
 
 
 def crowd() -> World:
@@ -34,60 +31,12 @@ def crowd() -> World:
     return top_view(*items, statics=(wall,), effects=(drag,))
 
 
-def spread(count: int) -> dict[str, np.ndarray]:
-    draw = np.random.default_rng(3)
-    return {
-        "objects.o0.velocity.x": draw.uniform(-2.0, 2.0, count),
-        "objects.o1.restitution": draw.uniform(0.0, 1.0, count),
-        "effects.air.coefficient": draw.uniform(0.0, 1.0, count),
-        "time.seconds_per_frame": draw.uniform(0.02, 0.06, count),
-    }
-
-
-def same(a: BatchTrajectory, b: BatchTrajectory) -> bool:
-    return all(getattr(a, f).tobytes() == getattr(b, f).tobytes() for f in FIELDS) and a.events == b.events
-
-
-def test_the_number_of_threads_does_not_change_a_bit() -> None:
-    times = np.arange(50) * 0.04
-    runs = [simulator(crowd(), times, n_worlds=13, record_events=True, threads=k).run(spread(13)) for k in (1, 2, 5)]
-    assert same(runs[0], runs[1])
-    assert same(runs[0], runs[2])
-
-
-def test_a_run_leaves_nothing_behind_for_the_next() -> None:
-    times = np.arange(50) * 0.04
-    machine = simulator(crowd(), times, n_worlds=13, record_events=True)
-    first = machine.run(spread(13))
-    machine.run({"objects.o0.mass": np.linspace(1.0, 9.0, 13)})
-    assert same(first, machine.run(spread(13)))
-
-
-def test_a_world_does_not_depend_on_its_place_in_the_batch() -> None:
-    times = np.arange(50) * 0.04
-    values = spread(7)
-    together = simulator(crowd(), times, n_worlds=7).run(values)
-    back = simulator(crowd(), times, n_worlds=7).run({k: v[::-1] for k, v in values.items()})
-    assert together.positions.tobytes() == back.positions[::-1].tobytes()
-    alone = simulator(crowd(), times, n_worlds=1).run({k: v[3:4] for k, v in values.items()})
-    assert together.positions[3].tobytes() == alone.positions[0].tobytes()
-
-
 def test_fewer_samples_are_the_beginning_of_more() -> None:
     times = np.arange(50) * 0.04
     machine = simulator(crowd(), times)
     whole, part = machine.run(), machine.run(samples=20)
     assert part.positions.shape[1] == 20
     assert whole.positions[:, :20].tobytes() == part.positions.tobytes()
-
-
-def test_an_override_is_the_world_with_that_parameter() -> None:
-    times = np.arange(50) * 0.02
-    fast = body("a", disc(), (0.0, 0.0, 0.2), velocity=(2.0, 0.0, 0.0), friction=0.3, mass=3.0)
-    slow = fast.model_copy(update={"velocity": (1.0, 0.0, 0.0)})
-    batch = simulator(top_view(slow), times, n_worlds=2).run({"objects.a.velocity.x": np.array([1.0, 2.0])})
-    single = simulator(top_view(fast), times).run()
-    assert batch.positions[1].tobytes() == single.positions[0].tobytes()
 
 
 def test_a_turn_override_turns_the_body_and_what_it_hits() -> None:
@@ -162,14 +111,6 @@ def test_a_rollout_of_a_runaway_world_is_reported_as_diverged() -> None:
     assert result.status == "diverged"
     assert result.diverged_object == "ball"
     assert result.trajectory.times[-1] < 101.0
-
-
-def test_equal_worlds_and_horizons_give_equal_rollouts() -> None:
-    a, b = rollout(crowd(), 2.0), rollout(crowd(), 2.0)
-    assert a.world_id == b.world_id
-    assert a.events == b.events
-    for field in FIELDS:
-        assert getattr(a.trajectory, field).tobytes() == getattr(b.trajectory, field).tobytes()
 
 
 def test_samples_include_the_start_and_the_horizon() -> None:

@@ -16,37 +16,6 @@ from tests.verification.spatial_world import FLOOR, GRAVITY, body, make_world, r
 TIMES = np.arange(0.0, 2.001, 0.04)
 
 
-def test_equal_runs_give_equal_bytes_for_any_number_of_threads_and_worlds() -> None:
-    world = six_body_world(planar=False)
-    alone = SpatialSimulator(model_of(world), TIMES, threads=1).run()
-    again = SpatialSimulator(model_of(world), TIMES, threads=1)
-    again.run()
-    assert again.run().positions.tobytes() == alone.positions.tobytes()
-    many = SpatialSimulator(model_of(world), TIMES, n_worlds=7, threads=3).run()
-    for w in range(7):
-        assert many.positions[w].tobytes() == alone.positions[0].tobytes()
-        assert many.orientations[w].tobytes() == alone.orientations[0].tobytes()
-
-
-def test_a_world_of_a_batch_moves_as_it_would_alone() -> None:
-    world = six_body_world(planar=False)
-    friction = np.array([0.1, 0.3, 0.6])
-    speed = np.array([1.0, 2.0, 3.0])
-    overrides = {"objects.cube_a.friction": friction, "objects.ball_a.velocity.y": speed}
-    batch = SpatialSimulator(model_of(world), TIMES, n_worlds=3, threads=2).run(overrides)
-    for w in range(3):
-        one = SpatialSimulator(model_of(world), TIMES).run({k: v[w : w + 1] for k, v in overrides.items()})
-        assert batch.positions[w].tobytes() == one.positions[0].tobytes()
-    assert np.abs(batch.positions[0] - batch.positions[2]).max() > 0.1
-
-
-def test_overrides_of_one_run_do_not_leak_into_the_next() -> None:
-    sim = SpatialSimulator(model_of(six_body_world(planar=False)), TIMES, n_worlds=2)
-    before = sim.run()
-    sim.run({"objects.cube_a.mass": np.array([2.0, 3.0]), "environment.gravity.z": np.array([-5.0, -9.0])})
-    assert sim.run().positions.tobytes() == before.positions.tobytes()
-
-
 def test_fewer_samples_are_the_beginning_of_the_whole() -> None:
     sim = SpatialSimulator(model_of(six_body_world(planar=False)), TIMES)
     whole = sim.run()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from polyworld import rollout, simulator
+from polyworld import rollout
 from tests.verification.rope_world import G, ball, held, rope, run, world
 
 
@@ -49,36 +49,6 @@ def test_end_lets_go_at_its_time_and_its_strength() -> None:
         assert motion.points[-1, -1, 2] > -1.5
     scene = world(cord, objects=[load], attachments=[held("start"), held("end", "load") | {"strength": 25.0}])
     assert run(scene, 1.0)[0].positions[-1, 0, 2] == pytest.approx(-1.0, abs=0.01)
-
-
-def test_world_of_a_batch_is_the_world_alone() -> None:
-    """To the bit, whatever else is in the batch: inner steps are chosen for each world alone."""
-    cord = rope([[0, 0, 0], [0.7, 0, 0]], 12, linear_density=0.05, stretch_damping=0.002)
-    load = ball("load", [0.7, 0, 0], 0.5)
-    scene = world(cord, objects=[load], attachments=[held("start"), held("end", "load")])
-    times = np.array([0.0, 0.4])
-    values = {
-        "objects.rope.linear_density": np.array([0.02, 0.05, 0.5]),
-        "objects.rope.bending_stiffness": np.array([1e-3, 0.0, 1e-2]),
-        "objects.load.mass": np.array([5.0, 0.5, 0.1]),
-    }
-    batch = simulator(scene, times, n_worlds=3, threads=1).run(values)
-    again = simulator(scene, times, n_worlds=3, threads=2).run(values)
-    np.testing.assert_array_equal(batch.deformables["rope"].points, again.deformables["rope"].points)
-    for w in range(3):
-        alone = simulator(scene, times).run({k: v[w : w + 1] for k, v in values.items()})
-        np.testing.assert_array_equal(batch.deformables["rope"].points[w], alone.deformables["rope"].points[0])
-        np.testing.assert_array_equal(batch.positions[w], alone.positions[0])
-
-
-def test_rolled_out_twice_is_the_same() -> None:
-    cord = rope([[-0.1, 0, -1], [0.1, 0, -1]], 20, linear_density=0.02)
-    wheel = {"name": "wheel", "rope": "rope", "centre": [0, 0, 0], "radius": 0.1, "after": 0}
-    loads = [ball("a", [-0.1, 0, -1], 1.0), ball("b", [0.1, 0, -1], 1.3)]
-    scene = world(cord, objects=loads, attachments=[held("start", "a"), held("end", "b")], pulleys=[wheel])
-    sim = simulator(scene, np.array([0.0, 0.3]))
-    first, second = sim.run(), sim.run()
-    np.testing.assert_array_equal(first.deformables["rope"].points, second.deformables["rope"].points)
 
 
 def test_snatched_rope_throws_its_load_back() -> None:

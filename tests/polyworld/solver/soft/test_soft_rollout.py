@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from polyworld import World, rollout, simulator
+from polyworld import World, rollout
 
 BALL = {
     "name": "ball",
@@ -30,42 +30,6 @@ def test_ball_falls_freely_and_turns_without_deforming() -> None:
     motion = trajectory.deformables["ball"]
     assert motion.quantities["volume"] == pytest.approx(4 / 3 * np.pi * 1e-3, rel=2e-3)
     assert motion.quantities["strain"].max() < 1e-3
-
-
-def test_each_world_of_a_batch_moves_as_it_does_alone() -> None:
-    """Bit by bit, whatever the others' stiffness, damping and yield stress; worlds differ."""
-    start = world({**BALL, "position": (0.0, 0.0, 0.15)}, statics=[{"name": "floor", "shape": {"kind": "plane"}}])
-    values = {
-        "objects.ball.youngs_modulus": np.array([3e4, 1e5]),
-        "objects.ball.damping": np.array([0.0, 0.02]),
-        "objects.ball.yield_stress": np.array([1e12, 3e3]),
-    }
-    times = np.array([0.1, 0.3])
-    both = simulator(start, times, n_worlds=2).run(values)
-    for w in range(2):
-        alone = simulator(start, times).run({k: v[w : w + 1] for k, v in values.items()})
-        for name in ("points", "velocities"):
-            one, two = (getattr(r.deformables["ball"], name) for r in (alone, both))
-            assert one[0].tobytes() == two[w].tobytes()
-    assert np.abs(both.positions[0] - both.positions[1]).max() > 1e-3
-    plastic = both.deformables["ball"].quantities["plastic_strain"]
-    assert plastic[0].max() == 0.0
-    assert plastic[1].max() > 0.0
-
-
-def test_repeated_runs_of_one_simulator_start_afresh() -> None:
-    """Plastic strain of the first run is gone in the second; another damping needs other launches."""
-    falling = {**BALL, "velocity": (0, 0, -3), "yield_stress": 1e3, "position": (0, 0, 0.12)}
-    start = world(falling, statics=[{"name": "floor", "shape": {"kind": "plane"}}])
-    start = start.model_copy(
-        update={"statics": world(BALL, statics=[{"name": "f", "shape": {"kind": "plane"}}]).statics}
-    )
-    run = simulator(start, np.array([0.05, 0.1]))
-    first = run.run().deformables["ball"].points.tobytes()
-    damped = run.run({"objects.ball.damping": np.array([0.05])}).deformables["ball"].points.tobytes()
-    again = run.run().deformables["ball"].points.tobytes()
-    assert first == again
-    assert first != damped
 
 
 @pytest.mark.parametrize("representation", ["soft", "soft_planar"])
