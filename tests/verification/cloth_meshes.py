@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
+from polyworld import World
+
 Array = NDArray[np.float64]
 
 
@@ -62,3 +64,12 @@ def triangulated(points: Array, start: float) -> dict[str, Any]:
     faces = faces[np.abs(area) > 1e-9]
     vertices = np.column_stack([points[:, 0] + start, points[:, 1], np.zeros(len(points))])
     return {"kind": "mesh", "vertices": vertices.tolist(), "faces": faces.tolist()}
+
+
+def held_strip(geometry: Any, *, gravity: tuple[float, float, float] = (0.0, 0.0, 0.0), **cloth: Any) -> World:
+    """A cloth `strip` without air, lateral contraction or contacts with itself, held where x = 0."""
+    held = {"name": "wall", "object": "strip", "region": {"lower": (-1, -1, -1), "upper": (1e-6, 1, 1)}}
+    fields = {"name": "strip", "representation": "cloth", "geometry": geometry, "poisson_ratio": 0.0, **cloth}
+    environment = {"gravity": gravity, "air_density": 0.0}
+    parts = {"deformables": [{"self_contact": False, **fields}], "attachments": [held], "environment": environment}
+    return World.model_validate(parts)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from polyworld import World, rollout
-from tests.verification.cloth_meshes import scattered, sheet, slanted
+from tests.verification.cloth_meshes import held_strip, scattered, sheet, slanted
 
 # Heavy horizontal strip clamped at one end: tip drop over length by w L^3 / EI.
 DROPS = {5.0: 0.4959, 10.0: 0.7002, 50.0: 0.9079}
@@ -135,26 +135,8 @@ def fitted_centre(x: np.ndarray, y: np.ndarray, terms: np.ndarray) -> float:
 def test_first_frequency_of_a_clamped_strip_and_no_damping() -> None:
     """f = 1.8751^2 / (2 pi) sqrt(D / (rho L^4)), within 1.5% at 16 elements; the amplitude stays over ten periods."""
     n = 16
-    world = World.model_validate(
-        {
-            "deformables": [
-                {
-                    "name": "strip",
-                    "representation": "cloth",
-                    "geometry": CUTS["regular"](n),
-                    "areal_density": 1.0,
-                    "stretch_stiffness": 2e3,
-                    "poisson_ratio": 0.0,
-                    "bending_stiffness": 1.0,
-                    "velocity": (0.0, 0.0, 0.01),
-                    "self_contact": False,
-                }
-            ],
-            "attachments": [
-                {"name": "wall", "object": "strip", "region": {"lower": (-1, -1, -1), "upper": (1e-6, 1, 1)}}
-            ],
-            "environment": {"gravity": (0.0, 0.0, 0.0), "air_density": 0.0},
-        }
+    world = held_strip(
+        CUTS["regular"](n), areal_density=1.0, stretch_stiffness=2e3, bending_stiffness=1.0, velocity=(0.0, 0.0, 0.01)
     )
     period = 2.0 * np.pi / 1.87510407**2
     run = rollout(world, 10.5 * period, sample_interval=period / 64)
@@ -179,27 +161,13 @@ def test_bending_damping_takes_energy_at_its_rate() -> None:
     n = 10
     omega = 1.87510407**2
     tau = 2.0 * 0.02 / omega  # 2% of critical
-    world = World.model_validate(
-        {
-            "deformables": [
-                {
-                    "name": "strip",
-                    "representation": "cloth",
-                    "geometry": CUTS["scattered"](n),
-                    "areal_density": 1.0,
-                    "stretch_stiffness": 500.0,
-                    "poisson_ratio": 0.0,
-                    "bending_stiffness": 1.0,
-                    "bending_damping": tau,
-                    "velocity": (0.0, 0.0, 0.01),
-                    "self_contact": False,
-                }
-            ],
-            "attachments": [
-                {"name": "wall", "object": "strip", "region": {"lower": (-1, -1, -1), "upper": (1e-6, 1, 1)}}
-            ],
-            "environment": {"gravity": (0.0, 0.0, 0.0), "air_density": 0.0},
-        }
+    world = held_strip(
+        CUTS["scattered"](n),
+        areal_density=1.0,
+        stretch_stiffness=500.0,
+        bending_stiffness=1.0,
+        bending_damping=tau,
+        velocity=(0.0, 0.0, 0.01),
     )
     period = 2.0 * np.pi / omega / np.sqrt(1.0 - 0.02**2)
     run = rollout(world, 4 * period, sample_interval=period / 100)

@@ -9,7 +9,7 @@ import pytest
 
 from polyworld import World, rollout
 from tests.polyworld.solver.cloth.cloth_loop import ClothLoop
-from tests.verification.cloth_meshes import scattered, sheet
+from tests.verification.cloth_meshes import held_strip, scattered, sheet
 
 
 def test_loaded_strip_extends_by_stress_over_stiffness_and_narrows_by_poisson() -> None:
@@ -69,25 +69,8 @@ def test_loaded_strip_extends_by_stress_over_stiffness_and_narrows_by_poisson() 
 def test_hanging_strip_extends_under_its_own_weight() -> None:
     """Tip extension rho g L^2 / (2 E t) = 0.0981 for rho = 1, E t = 50, L = 1 and nu = 0; within 1%, irregular mesh."""
     geometry = scattered((1.0, 0.2), (20, 4), 0.0, seed=5)
-    world = World.model_validate(
-        {
-            "deformables": [
-                {
-                    "name": "strip",
-                    "representation": "cloth",
-                    "geometry": geometry,
-                    "areal_density": 1.0,
-                    "stretch_stiffness": 50.0,
-                    "poisson_ratio": 0.0,
-                    "linear_damping": 10.0,
-                    "self_contact": False,
-                }
-            ],
-            "attachments": [
-                {"name": "top", "object": "strip", "region": {"lower": (-1, -1, -1), "upper": (1e-6, 1, 1)}}
-            ],
-            "environment": {"gravity": (9.81, 0.0, 0.0), "air_density": 0.0},
-        }
+    world = held_strip(
+        geometry, gravity=(9.81, 0.0, 0.0), areal_density=1.0, stretch_stiffness=50.0, linear_damping=10.0
     )
     motion = rollout(world, 3.0, sample_interval=1.5).trajectory.deformables["strip"]
     tip = np.isclose(motion.points[0, :, 0], 1.0)
@@ -144,26 +127,7 @@ def test_longitudinal_wave_runs_at_the_speed_of_sound() -> None:
 
     20 elements: within 1% over three periods, and undamped.
     """
-    world = World.model_validate(
-        {
-            "deformables": [
-                {
-                    "name": "strip",
-                    "representation": "cloth",
-                    "geometry": sheet((1.0, 0.1), (20, 2)),
-                    "areal_density": 0.5,
-                    "stretch_stiffness": 50.0,
-                    "poisson_ratio": 0.0,
-                    "velocity": (0.1, 0.0, 0.0),
-                    "self_contact": False,
-                }
-            ],
-            "attachments": [
-                {"name": "end", "object": "strip", "region": {"lower": (-1, -1, -1), "upper": (1e-6, 1, 1)}}
-            ],
-            "environment": {"gravity": (0.0, 0.0, 0.0), "air_density": 0.0},
-        }
-    )
+    world = held_strip(sheet((1.0, 0.1), (20, 2)), areal_density=0.5, stretch_stiffness=50.0, velocity=(0.1, 0.0, 0.0))
     period = 4.0 / 10.0
     run = rollout(world, 3.2 * period, sample_interval=period / 200)
     motion = run.trajectory.deformables["strip"]
@@ -183,26 +147,12 @@ def test_stretch_damping_takes_energy_at_its_rate() -> None:
     """First longitudinal mode of a strip held at one end, 5% of critical damping: amplitude exp(-zeta omega t); 3%."""
     omega = 0.5 * np.pi * 10.0
     tau = 2.0 * 0.05 / omega
-    world = World.model_validate(
-        {
-            "deformables": [
-                {
-                    "name": "strip",
-                    "representation": "cloth",
-                    "geometry": sheet((1.0, 0.1), (20, 2)),
-                    "areal_density": 0.5,
-                    "stretch_stiffness": 50.0,
-                    "poisson_ratio": 0.0,
-                    "stretch_damping": tau,
-                    "velocity": (0.1, 0.0, 0.0),
-                    "self_contact": False,
-                }
-            ],
-            "attachments": [
-                {"name": "end", "object": "strip", "region": {"lower": (-1, -1, -1), "upper": (1e-6, 1, 1)}}
-            ],
-            "environment": {"gravity": (0.0, 0.0, 0.0), "air_density": 0.0},
-        }
+    world = held_strip(
+        sheet((1.0, 0.1), (20, 2)),
+        areal_density=0.5,
+        stretch_stiffness=50.0,
+        stretch_damping=tau,
+        velocity=(0.1, 0.0, 0.0),
     )
     period = 2.0 * np.pi / omega / np.sqrt(1.0 - 0.05**2)
     run = rollout(world, 5 * period, sample_interval=period / 100)
@@ -218,26 +168,13 @@ def test_strongly_damped_strip_creeps_to_its_length_with_the_damping_time(delay:
     """Without inertia a Kelvin-Voigt solid reaches its strain as 1 - exp(-t / tau), whatever its shape; within 2% of
     the last extension at all times. At tau = 2 s explicit damping would need steps of 0.1 us.
     """
-    world = World.model_validate(
-        {
-            "deformables": [
-                {
-                    "name": "strip",
-                    "representation": "cloth",
-                    "geometry": scattered((1.0, 0.2), (10, 2), 0.0, seed=5),
-                    "areal_density": 0.02,
-                    "stretch_stiffness": 500.0,
-                    "poisson_ratio": 0.0,
-                    "bending_stiffness": 0.0,
-                    "stretch_damping": delay,
-                    "self_contact": False,
-                }
-            ],
-            "attachments": [
-                {"name": "top", "object": "strip", "region": {"lower": (-1, -1, -1), "upper": (1e-6, 1, 1)}}
-            ],
-            "environment": {"gravity": (50.0, 0.0, 0.0), "air_density": 0.0},
-        }
+    world = held_strip(
+        scattered((1.0, 0.2), (10, 2), 0.0, seed=5),
+        gravity=(50.0, 0.0, 0.0),
+        areal_density=0.02,
+        stretch_stiffness=500.0,
+        bending_stiffness=0.0,
+        stretch_damping=delay,
     )
     seconds = min(4.0 * delay, 0.4)
     run = rollout(world, seconds, sample_interval=seconds / 20)

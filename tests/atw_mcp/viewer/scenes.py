@@ -22,8 +22,8 @@ from atw_mcp.viewer.sampling import numbers_per_sample, shares
 from atw_mcp.viewer.worlds import world_view
 from polyworld.edits.interventions import Intervention, branch
 from polyworld.solver.rollout import rollout
-from polyworld.trajectory import Rollout
 from polyworld.world import World
+from tests.atw_mcp.viewer.blank import document
 
 SIDE = {"motion_plane": {"normal": [0, -1, 0], "supports": False}}
 EDITS: TypeAdapter[list[Intervention]] = TypeAdapter(list[Intervention])
@@ -323,63 +323,33 @@ def scene_document(title: str, scene: Scene) -> tuple[view.ViewDocument, Blocks]
     labels = ["as described", branch_label(words)]
     ids = ["rollout-base", "rollout-branch"][: len(worlds)]
     known, bases = {world.id: world for world in worlds}, {rollout: ids[0] for rollout in ids[1:]}
-    return view.ViewDocument(
-        made_by="atw-mcp",
-        case=view.CaseView(
-            id=title, kind="none", file="", questions=[], answers=[], bindings=[], committed_world=scene.world.id
-        ),
-        missing=[],
-        film=None,
-        observed=None,
-        tracks=[],
+    made = document(
+        title,
+        about={"committed_world": scene.world.id},
         worlds=[
-            world_view(
-                world,
-                blocks,
-                colors,
-                label=label,
-                origin="intervention" if k else "given",
-                parent=scene.world.id if k else None,
-                committed=not k,
-                runs=[run],
-            )
+            world_view(world, blocks, colors, label=label, origin="intervention" if k else "given",
+                       parent=scene.world.id if k else None, committed=not k, runs=[run])
             for k, (world, label, run) in enumerate(zip(worlds, labels, runs, strict=False))
         ],
         rollouts=[
-            _shown(ids[k], world, result, blocks, labels[k], ids[0] if k else None, words if k else [], most)
+            rollout_view(ids[k], world, result, blocks, label=labels[k], base=ids[0] if k else None,
+                         edits=words if k else [], most_numbers=most)
             for k, (world, result, most) in enumerate(zip(worlds, results, budget, strict=True))
         ],
         comparisons=comparisons_view(known, dict(zip(ids, results, strict=False)), bases, [])[0],
-        fits=[],
-        gaps=[],
-        evidence=[],
-        provenance=view.Provenance(nodes=[], edges=[]),
-        running=[],
         shown=ids,
-    ), blocks
-
-
-def _shown(
-    identifier: str,
-    world: World,
-    result: Rollout,
-    blocks: Blocks,
-    label: str,
-    base: str | None,
-    words: list[view.EditWords],
-    most: int,
-) -> view.RolloutView:
-    return rollout_view(identifier, world, result, blocks, label=label, base=base, edits=words, most_numbers=most)
+    )  # fmt: skip
+    return made, blocks
 
 
 def main(folder: Path, names: Sequence[str]) -> None:
     """Write the reports."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in names or SCENES:
-        document, blocks = scene_document(name, SCENES[name]())
-        text = page(packed(document, blocks))
+        made, blocks = scene_document(name, SCENES[name]())
+        text = page(packed(made, blocks))
         (folder / f"{name}.html").write_text(text, encoding="utf-8")
-        ends = [f"{r.status}{'' if r.why_ended is None else f' ({r.why_ended})'}" for r in document.rollouts]
+        ends = [f"{r.status}{'' if r.why_ended is None else f' ({r.why_ended})'}" for r in made.rollouts]
         print(f"{folder / name}.html: {len(text) / 1e6:.2f} MB; {', '.join(ends)}", flush=True)
 
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from atw_mcp.viewer import document as view
-from atw_mcp.viewer import parts, world_parts
+from atw_mcp.viewer import world_parts
 from atw_mcp.viewer.packing import Blocks, packed
 from atw_mcp.viewer.page import page
 from polyworld.world.camera import Camera
+from tests.atw_mcp.viewer.blank import ball_rollout, ball_world, document
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -40,66 +41,18 @@ CAMERA = Camera.model_validate(
 
 
 def _world(identifier: str, names: list[str]) -> world_parts.WorldView:
-    return world_parts.WorldView(
-        id=identifier,
-        label=identifier,
-        origin="given",
-        parent=None,
-        committed=False,
-        planar=False,
-        seconds_per_frame=STEP / 2,
-        frame_count=3,
-        gravity=[0.0, 0.0, -9.81],
-        camera=world_parts.CameraView.model_validate(CAMERA.model_dump(mode="json")),
-        moving=[
-            world_parts.Moving(
-                name=name,
-                kind="rigid",
-                color="#d55e00",
-                mass=1.0,
-                shape=parts.Sphere(radius=0.05),
-                radius=None,
-                segments=None,
-                triangles=None,
-                start_time=0.0,
-            )
-            for name in names
-        ],
-        statics=[],
-        joints=[],
-        regions=[],
-        effects=[],
-        floor=None,
-        parameters=[],
-    )
+    camera = world_parts.CameraView.model_validate(CAMERA.model_dump(mode="json"))
+    colors = ["#d55e00"] * len(names)
+    return ball_world(identifier, names, colors, 0.05, seconds_per_frame=STEP / 2, frame_count=3, camera=camera)
 
 
 def _rollout(identifier: str, places: NDArray[np.float64], names: list[str], blocks: Blocks) -> view.RolloutView:
-    turns = np.zeros((*places.shape[:2], 4))
-    turns[..., 0] = 1.0
-    branch = identifier == "branch"
-    return view.RolloutView(
-        id=identifier,
-        world=f"world-{identifier}",
-        label=identifier,
-        base="base" if branch else None,
-        edits=[view.EditWords(action="remove", object="cup", text="without cup")] if branch else [],
-        status="completed",
-        why_ended=None,
-        horizon=STEP,
-        names=names,
-        times=blocks.floats(STEP * np.arange(len(places))),
-        positions=blocks.floats(places),
-        orientations=blocks.floats(turns),
-        velocities=blocks.floats(np.zeros_like(places)),
-        spins=blocks.floats(np.zeros_like(places)),
-        active=blocks.raw(np.ones(places.shape[:2], dtype=np.uint8)),
-        deformed=[],
-        quantities=[],
-        events=[],
-        pushes=[],
-        misfits=[],
-        sampled="",
+    edits = [view.EditWords(action="remove", object="cup", text="without cup")]
+    branch: dict[str, Any] = {"base": "base", "edits": edits} if identifier == "branch" else {}
+    times = STEP * np.arange(len(places))
+    still = blocks.floats(np.zeros_like(places))
+    return ball_rollout(
+        identifier, names, times, places, blocks, world=f"world-{identifier}", velocities=still, **branch
     )
 
 
@@ -107,27 +60,15 @@ def _rollout(identifier: str, places: NDArray[np.float64], names: list[str], blo
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A page with a rollout of three balls, and a branch without the cup in which the ball goes elsewhere."""
     blocks = Blocks()
-    document = view.ViewDocument(
-        made_by="a test",
-        case=view.CaseView(
-            id="balls", kind="none", file="", questions=[], answers=[], bindings=[], committed_world="world-base"
-        ),
-        missing=[],
-        film=None,
-        observed=None,
-        tracks=[],
+    made = document(
+        "balls",
+        about={"committed_world": "world-base"},
         worlds=[_world("world-base", NAMES), _world("world-branch", NAMES[:2])],
         rollouts=[_rollout("base", PLACES, NAMES, blocks), _rollout("branch", MOVED[:, :2], NAMES[:2], blocks)],
-        comparisons=[],
-        fits=[],
-        gaps=[],
-        evidence=[],
-        provenance=view.Provenance(nodes=[], edges=[]),
-        running=[],
         shown=["base"],
     )
     path = tmp_path_factory.mktemp("scene") / "balls.html"
-    path.write_text(page(packed(document, blocks)), encoding="utf-8")
+    path.write_text(page(packed(made, blocks)), encoding="utf-8")
     return path
 
 

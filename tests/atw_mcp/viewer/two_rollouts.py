@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.viewer import document as view
-from atw_mcp.viewer import parts, world_parts
+from atw_mcp.viewer import world_parts
 from atw_mcp.viewer.packing import Blocks, packed
 from atw_mcp.viewer.page import page
+from tests.atw_mcp.viewer.blank import ball_rollout, ball_world, document
 
 SECONDS_PER_FRAME = 0.04
 FRAMES = 51
@@ -41,89 +44,28 @@ LATER = contact(2.125, 0.5, "red_ball", "floor")
 
 
 def _world(identifier: str, label: str, names: list[str]) -> world_parts.WorldView:
-    moving = [
-        world_parts.Moving(
-            name=name,
-            kind="rigid",
-            color=color,
-            mass=1.5,
-            shape=parts.Sphere(radius=0.1),
-            radius=None,
-            segments=None,
-            triangles=None,
-            start_time=0,
-        )
-        for name, color in zip(names, ["#d55e00", "#0072b2"], strict=False)
-    ]
-    return world_parts.WorldView(
-        id=identifier,
-        label=label,
-        origin="built",
-        parent=None,
-        committed=False,
-        planar=False,
-        seconds_per_frame=SECONDS_PER_FRAME,
-        frame_count=FRAMES,
-        gravity=[0, 0, -9.81],
-        camera=None,
-        moving=moving,
-        statics=[],
-        joints=[],
-        regions=[],
-        effects=[],
-        floor=None,
-        parameters=[],
-    )
+    return ball_world(identifier, names, ["#d55e00", "#0072b2"], 0.1, mass=1.5, label=label, origin="built",
+                      seconds_per_frame=SECONDS_PER_FRAME, frame_count=FRAMES)  # fmt: skip
 
 
 def _rollout(blocks: Blocks, branch: bool, events: list[view.EventMark]) -> view.RolloutView:
     where = positions(branch)
-    count = where.shape[1]
-    return view.RolloutView(
-        id="rollout-branch" if branch else "rollout-base",
-        world="world-branch" if branch else "world-base",
-        label="without blue_cube" if branch else "as built",
-        base="rollout-base" if branch else None,
-        edits=[view.EditWords(action="remove", object="blue_cube", text="without blue_cube")] if branch else [],
-        status="truncated" if branch else "completed",
-        why_ended="red_ball left the world" if branch else None,
-        horizon=3,
-        names=NAMES[:count],
-        times=blocks.floats(TIMES),
-        positions=blocks.floats(where),
-        orientations=blocks.floats(np.broadcast_to([1.0, 0, 0, 0], (len(TIMES), count, 4))),
-        velocities=blocks.floats(np.gradient(where, TIMES, axis=0)),
-        spins=blocks.floats(np.zeros_like(where)),
-        active=blocks.raw(np.ones((len(TIMES), count), np.uint8)),
-        deformed=[],
-        quantities=[],
-        events=events,
-        pushes=[],
-        misfits=[],
-        sampled="",
-        spread=None
-        if branch
-        else view.Spread(
-            members=40,
-            times=blocks.floats(TIMES),
-            low=blocks.floats(where - SPREAD),
-            high=blocks.floats(where + SPREAD),
-        ),
-    )
+    given: dict[str, Any] = {"world": "world-base", "label": "as built"}
+    if branch:
+        edit = view.EditWords(action="remove", object="blue_cube", text="without blue_cube")
+        given = {"world": "world-branch", "label": "without blue_cube", "base": "rollout-base", "edits": [edit],
+                 "status": "truncated", "why_ended": "red_ball left the world"}  # fmt: skip
+    else:
+        low, high = (blocks.floats(where + sign * SPREAD) for sign in (-1, 1))
+        given["spread"] = view.Spread(members=40, times=blocks.floats(TIMES), low=low, high=high)
+    identifier = "rollout-branch" if branch else "rollout-base"
+    names = NAMES[: where.shape[1]]
+    return ball_rollout(identifier, names, TIMES, where, blocks, horizon=3, events=events, **given)
 
 
 def _row(identifier: str, tool: str, rollout: str | None, interval: list[float | None] | None) -> view.EvidenceRow:
-    return view.EvidenceRow(
-        id=identifier,
-        tool=tool,
-        status="completed",
-        summary=f"a result of {tool}",
-        world=None,
-        rollout=rollout,
-        observation=None,
-        objects=["red_ball"],
-        interval=interval,
-    )
+    return view.EvidenceRow(id=identifier, tool=tool, status="completed", summary=f"a result of {tool}", world=None,
+                            rollout=rollout, observation=None, objects=["red_ball"], interval=interval)  # fmt: skip
 
 
 def report() -> str:
@@ -132,62 +74,29 @@ def report() -> str:
     seen = np.arange(FRAMES) * SECONDS_PER_FRAME
     track = np.zeros((FRAMES, 1, 3))
     track[:, 0, 0] = np.sin(seen) + 0.01
-    document = view.ViewDocument(
-        made_by="a test",
-        case=view.CaseView(
-            id="two-rollouts",
-            kind="video",
-            file="clip.mp4",
-            questions=["Does the ball hit the cube?"],
-            answers=[
-                view.Answer(
-                    question="Does the ball hit the cube?",
-                    answer="true",
-                    confidence=0.9,
-                    evidence=["ev-2"],
-                    missing="",
-                )
-            ],
-            bindings=[],
-            committed_world=None,
-        ),
+    asked = "Does the ball hit the cube?"
+    answer = view.Answer(question=asked, answer="true", confidence=0.9, evidence=["ev-2"], missing="")
+    tracks = view.Tracks(id="observation", run="", names=["red_ball"], times=blocks.floats(seen),
+                         positions=blocks.floats(track), sigma=blocks.floats(np.full((FRAMES, 1), SIGMA)),
+                         held_out_from=1.6)  # fmt: skip
+    compared = view.ComparisonView(base="rollout-base", edited="rollout-branch", evidence="ev-3",
+                                   summary="Without the cube the ball goes twice as far.",
+                                   displaced=[view.Displaced(object="red_ball", most=0.9975, time=1.55)],
+                                   gone=[HIT, REST], new=[LATER])  # fmt: skip
+    made = document(
+        "two-rollouts",
+        about={"kind": "video", "file": "clip.mp4", "questions": [asked], "answers": [answer]},
         missing=["The video has moved: its frames are not shown."],
-        film=None,
-        observed=None,
-        tracks=[
-            view.Tracks(
-                id="observation",
-                run="",
-                names=["red_ball"],
-                times=blocks.floats(seen),
-                positions=blocks.floats(track),
-                sigma=blocks.floats(np.full((FRAMES, 1), SIGMA)),
-                held_out_from=1.6,
-            )
-        ],
+        tracks=[tracks],
         worlds=[_world("world-base", "as built", NAMES), _world("world-branch", "without blue_cube", NAMES[:1])],
         rollouts=[_rollout(blocks, False, [GROUND, HIT, REST]), _rollout(blocks, True, [GROUND, LATER])],
-        comparisons=[
-            view.ComparisonView(
-                base="rollout-base",
-                edited="rollout-branch",
-                evidence="ev-3",
-                summary="Without the cube the ball goes twice as far.",
-                displaced=[view.Displaced(object="red_ball", most=0.9975, time=1.55)],
-                gone=[HIT, REST],
-                new=[LATER],
-            )
-        ],
-        fits=[],
-        gaps=[],
+        comparisons=[compared],
         evidence=[
             _row("ev-1", "BuildWorld", None, None),
             _row("ev-2", "QueryWorld", "rollout-base", [1.2, 1.3]),
             _row("ev-3", "CompareWorlds", "rollout-branch", None),
             _row("ev-4", "Note", "rollout-base", [NOTED, NOTED]),
         ],
-        provenance=view.Provenance(nodes=[], edges=[]),
-        running=[],
         shown=["rollout-base", "rollout-branch"],
     )
-    return page(packed(document, blocks))
+    return page(packed(made, blocks))

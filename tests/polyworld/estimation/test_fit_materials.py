@@ -85,10 +85,10 @@ def test_masks_of_a_flowing_fluid_determine_its_viscosity() -> None:
         for cell in (0.0125, 0.02)
     )  # fmt: skip
     factors = np.array([0.4, 0.7, 1.0, 1.4, 2.5])
-    masks = study(ImageOccupancy(object="honey", columns=24, rows=12), coarse, fine, 12, 0.05)
-    batch = simulator(coarse, np.arange(12) * FRAME, n_worlds=5).run({"objects.honey.viscosity": 8.3 * factors})
+    masks = study(ImageOccupancy(object="honey", columns=24, rows=12), coarse, fine, 15, 0.05)
+    batch = simulator(coarse, np.arange(15) * FRAME, n_worlds=5).run({"objects.honey.viscosity": 8.3 * factors})
     readout = tracks_readout(coarse, masks.runs[0].tracks, np.zeros(0))
-    losses = (readout.residuals(batch, 12) ** 2).sum(axis=1) / readout.size
+    losses = (readout.residuals(batch, 15) ** 2).sum(axis=1) / readout.size
     assert int(np.argmin(losses)) == 2
     assert losses[2] < 1.1
     assert losses[[0, 4]].min() > losses[2] + 0.2

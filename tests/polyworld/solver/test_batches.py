@@ -47,7 +47,14 @@ def cloth() -> World:
 def soft() -> World:
     """A soft ball that is thrown on a floor."""
     shape, place = {"kind": "sphere", "radius": 0.1}, {"position": (0.0, 0.0, 0.12), "velocity": (0, 0, -3)}
-    jelly = {"name": "ball", "representation": "soft", "shape": shape, "youngs_modulus": 5e4, "resolution": 0.07, **place}
+    jelly = {
+        "name": "ball",
+        "representation": "soft",
+        "shape": shape,
+        "youngs_modulus": 5e4,
+        "resolution": 0.07,
+        **place,
+    }
     return World.model_validate({"deformables": [jelly], "statics": [FLOOR]})
 
 
