@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.atw_mcp.perception.clips import Disc, render
+from tests.atw_mcp.clips import write_clip
 from tests.atw_mcp.session import Session
 
 CASE = "table"
@@ -15,11 +15,7 @@ GONE, OTHER = "red_sphere", "blue_sphere"
 def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     folder = tmp_path_factory.mktemp("store")
     session = Session(folder / "atw.db")
-    discs = [
-        Disc(lambda t: (40 + 3 * t, 50), 16, (40, 40, 170)),
-        Disc(lambda t: (190 - 3 * t, 110), 16, (170, 70, 40)),
-    ]
-    session("OpenCase", video=str(render(folder / "discs.mp4", discs, 20).path), name=CASE)
+    session("OpenCase", video=str(write_clip(folder / "discs.mp4")), name=CASE)
     length = {"first_pixel": [20, 60], "second_pixel": [120, 60], "length": 1.0, "view": "top"}
     session("CalibrateCamera", case=CASE, known_length=length)
     return session
@@ -37,12 +33,7 @@ def observations(session: Session) -> tuple[str, str]:
 def test_worlds_are_built_of_any_observation(session: Session, observations: tuple[str, str]) -> None:
     earlier, latest = observations
     of_latest = session("BuildWorld", case=CASE, patience_seconds=300)
-    of_earlier = session(
-        "BuildWorld",
-        case=CASE,
-        observation=earlier,
-        patience_seconds=300,
-    )
+    of_earlier = session("BuildWorld", case=CASE, observation=earlier, patience_seconds=300)
     assert GONE not in of_latest["objects"]
     assert GONE in of_earlier["objects"]
     message = session.refused("BuildWorld", case=CASE, observation="obs_nothing")

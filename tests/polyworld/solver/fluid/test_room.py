@@ -1,4 +1,4 @@
-"""Fluids with less room than they need: for the faces that bodies cover, and for what an emitter sends."""
+"""Fluids with less room than they need, for covered faces and for what an emitter sends, and with a lost particle."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from polyworld.world import World
 from polyworld.world.representations.fluid import Emitter
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Box
-from tests.polyworld.solver.fluid.scenes import plane_world, pool
+from tests.polyworld.solver.fluid.scenes import Run, plane_world, pool
 
 
 def _world(*emitters: Emitter) -> World:
@@ -50,3 +50,13 @@ def test_an_emitter_without_room_ends_its_world_with_the_motion_so_far(monkeypat
     count = len(ended.trajectory.times)
     assert 1 < count < len(whole.trajectory.times)
     assert np.array_equal(ended.trajectory.positions[:, 0], whole.trajectory.positions[:count, 0])
+
+
+def test_world_with_a_lost_particle_stops_and_says_which() -> None:
+    run = Run(_world(), n_worlds=2)
+    run.run(0.01)
+    run.fluid.records.particles.v.numpy()[1, 7] = np.nan
+    run.run(0.01)
+    assert run.fluid.diverged.numpy().tolist() == [-1, 7]
+    x, _, fluid = run.fluid.particles()
+    assert np.isfinite(x[0][fluid[0] >= 0]).all()
