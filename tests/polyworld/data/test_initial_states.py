@@ -75,14 +75,6 @@ def test_the_true_initial_state_is_within_its_stated_errors(sigma: float) -> Non
     assert np.max(errors) < 5.0, np.max(errors, axis=0)
 
 
-def test_a_body_at_rest_is_taken_to_be_at_rest() -> None:
-    still = tracks(np.zeros((60, 1, 2)), sigma=0.01, seed=4)
-    state = initial_states(still)["a"]
-    assert not state.moves
-    assert np.all(state.velocity == 0.0)
-    assert state.position_sd == pytest.approx(0.01 / np.sqrt(60.0), rel=0.3)
-
-
 def test_free_motion_ends_where_the_collision_is() -> None:
     path = slide(discs([0.12, 0.12]), CROSSING, np.arange(60) / 60.0)
     met = int(np.argmax(np.hypot(*(path[:, 1, :2] - path[:, 0, :2]).T) < 2.0 * RADIUS + 0.05))

@@ -59,11 +59,6 @@ def test_without_run_and_object_there_is_one_run_of_the_only_object() -> None:
         parse_recording("t,x\n0,1\n")
 
 
-def test_markers_of_deformable_objects_are_no_comments() -> None:
-    (only,) = parse_recording("object,t,x,y,z\nrope#0,0,0,0,0\nrope#1,0,1,0,0\n").runs
-    assert only.names == ("rope#0", "rope#1")
-
-
 def test_quaternions_are_normalised_and_may_be_absent_in_rows() -> None:
     text = "object,t,qw,qx,qy,qz\nb,0,0.9999,0.014,0,0\nb,1,,,,\nb,2,0.6,0,0.8,0\n"
     (only,) = parse_recording(text).runs
@@ -76,11 +71,6 @@ def test_times_that_differ_by_rounding_are_one_instant() -> None:
     (only,) = parse_recording("object,t,x\na,0.3,1\nb,0.30000000000000004,2\na,0.4,1\nb,0.4,2\n").runs
     assert only.times.tolist() == [0.3, 0.4]
     assert only.positions[0, :, 0].tolist() == [1.0, 2.0]
-
-
-def test_other_columns_are_ignored_and_said_so() -> None:
-    with pytest.warns(UserWarning, match="columns not used: frame, Vx"):
-        parse_recording("frame,object,t,x,Vx\n0,a,0,1,2\n1,a,1,1,2\n")
 
 
 @pytest.mark.parametrize(
@@ -144,17 +134,6 @@ def test_a_run_checks_shapes_times_and_names() -> None:
         replace(run(), angular_velocities=np.zeros((4, 2, 3)))
     assert run(n=2).symmetry == (1, 1)
     assert len(run().rows(np.array([True, False, True, True])).times) == 3
-
-
-def test_measured_spins_stay_with_their_instants_and_objects() -> None:
-    assert np.isnan(run(n=2).angular_velocities).all()
-    spun = replace(run(n=3), angular_velocities=np.arange(36.0).reshape(4, 3, 3))
-    later = spun.rows(np.array([False, True, False, True]))
-    assert later.angular_velocities[:, 0, 0].tolist() == [9.0, 27.0]
-    some = later.columns([2, 0])
-    assert some.names == ("w", "u")
-    assert some.angular_velocities[0].tolist() == [[15.0, 16.0, 17.0], [9.0, 10.0, 11.0]]
-    assert some.positions.shape == (2, 2, 3)
 
 
 def test_a_recording_has_runs_of_different_names_and_lists_them() -> None:

@@ -317,7 +317,3 @@ def test_an_object_that_is_not_among_those_known_is_refused_with_its_first_line(
     )
     markers = parse_recording("object,t,x,y,z\nrope#0,0,0,0,0\nrope#1,0,1,0,0\n", ("rope",))
     assert markers.runs[0].names == ("rope#0", "rope#1")
-
-
-def test_an_angle_of_many_turns_may_be_in_degrees() -> None:
-    assert "columns={'theta': 'theta [deg]'}" in refusal("t,theta\n0,0\n1,90\n", world=pendulum())

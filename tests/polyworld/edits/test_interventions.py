@@ -35,21 +35,6 @@ def world() -> World:
     return top_view(red, blue, effects=effects, statics=(wall,))
 
 
-def test_a_branch_inherits_what_no_edit_names() -> None:
-    base = world()
-    other = branch(base, [SetVelocity(object="red", velocity=(0.0, 1.0, 0.0))])
-    assert other.id != base.id
-    assert other.object("red").velocity == (0.0, 1.0, 0.0)
-    assert other.object("red").friction == 0.1
-    assert other.object("blue") == base.object("blue")
-    assert other.effects == base.effects
-    assert base.object("red").velocity == (2.0, 0.0, 0.0)
-
-
-def test_no_edits_are_the_same_world() -> None:
-    assert branch(world(), []).id == world().id
-
-
 def test_removing_an_object_takes_it_out_of_the_effects_and_drops_those_left_with_none() -> None:
     other = branch(world(), [Remove(object="red")])
     assert [o.name for o in other.objects] == ["blue"]
@@ -62,10 +47,6 @@ def test_a_removed_striker_leaves_its_target_alone() -> None:
     assert any(e.kind == "contact_begin" and e.participants == ("blue", "red") for e in hit.events)
     assert not spared.events
     assert spared.trajectory.positions[-1, 0].tolist() == [0.0, 0.0, 0.2]
-
-
-def test_a_static_can_be_removed() -> None:
-    assert branch(world(), [Remove(object="wall")]).statics == ()
 
 
 def test_edits_apply_in_their_order() -> None:

@@ -7,11 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from polyworld.edits.interventions import (
     Add,
-    ChangeEnvironment,
     Intervention,
     Move,
     Release,
@@ -86,12 +84,6 @@ def test_removing_a_rope_takes_its_fastenings_its_pulleys_and_its_own_effects_al
     other = branch(world(), [Remove(object="line")])
     assert names(other.attachments) == ["lift", "pole"]
     assert other.effects == ()
-
-
-def test_removing_the_last_fluid_takes_the_grid_emitters_and_drains_along() -> None:
-    other = branch(world(), [Remove(object="water")])
-    assert (other.fluid_grid, other.emitters, other.drains) == (None, (), ())
-    assert names(other.containers) == ["pail"]
 
 
 @pytest.mark.parametrize(
@@ -248,17 +240,3 @@ def test_release_is_at_a_time_or_from_the_beginning() -> None:
     later = branch(world(), [Release(attachment="tie", time=0.5)])
     assert [a.release for a in later.attachments] == [None, 0.5, None, None]
     assert names(branch(world(), [Release(attachment="tie")]).attachments) == ["hook", "lift", "pole"]
-
-
-def test_wind_and_air_are_part_of_the_surroundings() -> None:
-    other = branch(world(), [ChangeEnvironment(wind=(3.0, 0.0, 0.0), air_density=1.0)])
-    assert (other.environment.wind, other.environment.air_density) == ((3.0, 0.0, 0.0), 1.0)
-    assert other.environment.gravity == world().environment.gravity
-
-
-def test_add_takes_one_part() -> None:
-    with pytest.raises(ValidationError, match="got none"):
-        Add()
-    rope = Rope(name="a", points=((0, 0, 0), (1, 0, 0)))
-    with pytest.raises(ValidationError, match="exactly one of"):
-        Add(deformable=rope, pulley=Pulley(name="p", rope="a", centre=(0, 0, 0), radius=0.1, after=0))

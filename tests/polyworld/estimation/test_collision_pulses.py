@@ -64,11 +64,6 @@ def test_a_cube_in_space_takes_both_vectors() -> None:
     assert 2.0 / 3.0 * MASS * SIDE**2 * end.angular_velocities[-1, 0] == pytest.approx(TURN, rel=1e-3)
 
 
-def test_nothing_happens_before_the_pulse() -> None:
-    short = rollout(planar(pulse("slack", "puck", planar=True)), 0.2).trajectory
-    assert short.velocities[-1, 0] == pytest.approx((0.3, 0.1, 0.0), abs=1e-12)
-
-
 def test_the_collision_of_a_removed_body_leaves_no_pulse_and_others_stay() -> None:
     """a met b at 0.2 s, and c met d at 0.4 s: without b, a goes straight on, and c and d are struck as before."""
     met = [pulse(f"slack_1_{n}", n, planar=True) for n in "ab"] + [

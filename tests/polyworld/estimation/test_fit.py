@@ -84,12 +84,6 @@ def test_one_name_may_be_of_steel_in_one_clip_and_of_wood_in_another() -> None:
     assert first.object("b").restitution == pytest.approx(second.object("a").restitution)
 
 
-def test_more_clips_narrow_what_a_material_does(pooled: StudyFit) -> None:
-    alone = fit(of_one(two().world, two().tracks), WHOLE)
-    width = [np.subtract(*f.constant("friction of wood").interval[::-1]) for f in (alone, pooled)]
-    assert width[1] < 0.8 * width[0]
-
-
 def test_the_minimum_is_no_worse_than_the_truth() -> None:
     """Whose cost is that of the noise and of the priors, links of a collision by the same law costing nothing."""
     run = two()

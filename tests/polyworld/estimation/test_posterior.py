@@ -94,12 +94,6 @@ def test_residuals_above_the_noise_widen_the_sample_and_below_it_do_not_narrow_i
     assert widths[2] == pytest.approx(3.0 * widths[1], rel=0.12)
 
 
-def test_equal_seeds_give_equal_bytes_and_others_do_not() -> None:
-    own = LinearProblem([1], [shared_unknown(0)])
-    drawn = [sample(own, own.fit(), 16, seed).shared.tobytes() for seed in (1, 1, 2)]
-    assert drawn[0] == drawn[1] != drawn[2]
-
-
 def test_a_minimum_in_the_corner_of_many_bounds_is_sampled() -> None:
     """Of draws about such a corner one in thousands is within all bounds; constants that nothing shows have priors, of
     which the part within the bound is left."""

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from polyworld.data.shape_series import ShapeSeries
 from polyworld.data.tracks import ObservedTracks, shapes_only
 from polyworld.estimation.accuracy import accuracy
-from polyworld.estimation.readout import ABSENT, gyration_radius, sample_times, tracks_readout
+from polyworld.estimation.readout import gyration_radius, sample_times, tracks_readout
 from polyworld.probing.readouts import Centreline, Curve, ImageOccupancy, Readout, Tension, read
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Environment, MotionPlane, TimeBase, World, geometry
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.representations.rope import Rope
-from polyworld.world.shapes import Box, Cylinder, Sphere
+from polyworld.world.shapes import Cylinder, Sphere
 from tests.polyworld.estimation.closed_form import ClosedForm, observe, thrown_ball
 from tests.polyworld.synthetic import rollout_of
 
@@ -98,19 +98,6 @@ def test_rotation_is_compared_up_to_the_symmetry(order: int) -> None:
     assert turned(2.0 * np.pi / order + 0.1) == pytest.approx(25.0 * (0.1 * GYRATION / 0.01) ** 2)
 
 
-def test_planar_rotation_counts_about_the_normal_by_the_radius_of_gyration() -> None:
-    shape = Box(half_extents=(0.2, 0.2, 0.2))
-    box = RigidObject(name="box", representation="rigid_planar", shape=shape, position=(0, 0, 0.2))
-    world = World(objects=(box,), time=TimeBase(seconds_per_frame=0.1))
-    tracks = observe(world, frames=4, **EXACT, symmetry=4)
-    turn = geometry.rotation_quaternion(np.array([0.0, 0.0, np.pi / 2 - 0.03]))
-    turned = replace(tracks, orientations=geometry.quaternion_product(turn, tracks.orientations))
-    length = 0.4 / np.sqrt(6.0)  # of a square of side 0.4 about its middle
-    assert gyration_radius(world, "box", np.array([0.0, 0.0, 1.0])) == pytest.approx(length)
-    assert squares(world, turned) == pytest.approx(4.0 * (0.03 * length / 0.01) ** 2)
-    assert squares(world, shifted(tracks, 1, (0.0, 0.0, 9.0))) == pytest.approx(0.0, abs=1e-9)  # across the plane
-
-
 def test_spin_of_a_round_object_is_not_compared_but_its_tilt_is() -> None:
     can = RigidObject(name="can", shape=Cylinder(radius=0.1, half_height=0.1), position=(0, 0, 0))
     world = World(objects=(can,), time=TimeBase(seconds_per_frame=0.1))
@@ -131,11 +118,6 @@ def test_errors_are_roots_of_mean_squared_distances_at_the_tracks_frames() -> No
     assert report.rotation == pytest.approx(0.0, abs=1e-7)
     with pytest.raises(ValueError, match="sample it at the tracks' frames"):
         accuracy(world, tracks, ClosedForm(world, np.arange(25) * 0.05, n_worlds=1).run().world(0))
-
-
-def test_tracks_of_other_objects_are_named() -> None:
-    with pytest.raises(ValueError, match="'cup'"):
-        tracks_readout(thrown_ball(), replace(observe(thrown_ball()), names=("cup",)), np.array([0.01]))
 
 
 # --- shapes -----------------------------------------------------------------------------------------
@@ -188,13 +170,6 @@ def test_a_part_of_a_curve_is_compared_by_nearest_points() -> None:
     curve = Curve(object="string", count=5)
     assert shape_squares(curve, part, swinging(1.0)) < 1.0
     assert shape_squares(curve, part, swinging(2.0)) > 100.0
-
-
-def test_values_of_shapes_count_in_their_own_unit_and_absent_ones_as_far_off() -> None:
-    pull = Tension(object="string", at=0.5)
-    seen = read(pull, string(), swinging(1.0, 5.0))[0]
-    assert shape_squares(pull, seen, swinging(1.0, 5.3), 0.1) == pytest.approx(len(TIMES) * 9.0)
-    assert shape_squares(pull, seen, swinging(1.0, np.nan), 0.1) == pytest.approx(len(TIMES) * ABSENT**2)
 
 
 def test_readouts_that_do_not_fit_the_world_are_refused_with_what_does() -> None:

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from polyworld.estimation.fit import FitOptions, fit
 from polyworld.estimation.fit_settings import LinkSettings
 from polyworld.estimation.stretches import Stretch, collisions, stretches
-from polyworld.solver.rollout import simulator
 from tests.polyworld.estimation.pucks import CROSSING, FRAME, RADIUS, SIGMA, discs, tracks, world
-from tests.polyworld.synthetic import of_one
 from tests.scenes.discs import Started, slide
 
 FRAMES = 40
 LINKS = LinkSettings()
-SPIN = "objects.c.angular_velocity.z"
 BYSTANDER = Started(
     np.concatenate([CROSSING.positions, [[0.0, 1.5]]]),
     np.concatenate([CROSSING.velocities, [[-0.9, 0.2]]]),
@@ -64,21 +58,6 @@ def test_a_light_body_that_strikes_a_heavy_one_collides_though_the_heavy_one_har
     assert [set(who) for _, who in found] == [{"a", "b"}]
 
 
-def test_bodies_keep_turn_and_spin_over_a_collision_of_others() -> None:
-    """Whose last stretch is too short to show the spin by itself."""
-    start, met = replace(BYSTANDER, spins=np.array([0.0, 0.0, 6.0])), contact(BYSTANDER, 3) / FRAME
-    exact = slide(discs([0.12, 0.2, 0.15]), start, np.arange(round(met) + 4) * FRAME)
-    turn = exact[..., 2] + np.random.default_rng(0).normal(0.0, 0.05, exact.shape[:2])
-    turns = np.stack([np.cos(turn / 2.0), 0.0 * turn, 0.0 * turn, np.sin(turn / 2.0)], axis=-1)
-    seen = replace(tracks(exact), orientations=turns, orientation_confidence=np.ones(turn.shape), symmetry=(1,) * 3)
-    run = fit(of_one(world(3), seen), FitOptions(share=0.0)).runs[0]
-    assert len(run.slack) == 1
-    batch = simulator(run.start, np.array([(len(exact) - 1) * FRAME]), n_worlds=len(run.sample[SPIN])).run(run.sample)
-    spins = batch.angular_velocities[:, 0, 2, 2]
-    assert spins.mean() == pytest.approx(exact[-1, 2, 5], abs=0.4)
-    assert spins.std() < 0.5  # 0.05 rad over four frames show it to 0.7
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_noise_friction_and_stopping_are_no_collision(seed: int) -> None:
     """One puck comes to rest, and two pass each other at 5 cm."""
@@ -116,22 +95,3 @@ def test_a_link_is_loose_for_those_who_met_by_their_jump_and_tight_for_others() 
     jump = np.linalg.norm(exact[met, :2, 3:5] - exact[0, :2, 3:5], axis=1).max()  # with what friction took before
     assert before.link.velocity["a"] == pytest.approx(LINKS.jump * jump, rel=0.1)
     assert before.link.velocity["c"] == LINKS.near
-
-
-def test_bodies_that_may_touch_are_varied_together() -> None:
-    before, after = cut()
-    assert set(before.groups) == {frozenset("ab"), frozenset("c")}
-    assert frozenset("c") in after.groups
-
-
-def test_a_run_that_is_not_to_be_cut_is_one_stretch() -> None:
-    (whole,) = stretches(0, world(2), tracks(path()), np.full(2, SIGMA), LINKS, cut=False)
-    assert (len(whole.tracks.frames), whole.link, whole.begin) == (FRAMES, None, 0.0)
-
-
-def test_a_body_unseen_after_the_collision_goes_on_as_it_was() -> None:
-    seen = tracks(path())
-    confidence = seen.confidence.copy()
-    confidence[round(contact(CROSSING, 2) / FRAME) + 4 :, 1] = 0.0
-    found = stretches(0, world(2), replace(seen, confidence=confidence), np.full(2, SIGMA), LINKS)
-    assert [s.world.object("b").start_time for s in found] == [0.0] * len(found)

@@ -11,12 +11,11 @@ from polyworld.gap.catalogue import catalogue, named
 from polyworld.gap.fitting import fit
 from polyworld.gap.ground import ground_of
 from polyworld.gap.hypothesis import Hypothesis
-from polyworld.gap.kinks import kinks
 from polyworld.gap.propose import proposals
 from polyworld.gap.verdict import intervals
 from polyworld.solver.rollout import simulator
 from polyworld.world import World
-from polyworld.world.parameters import parameter_paths, read_parameter
+from polyworld.world.parameters import parameter_paths
 from tests.polyworld import gap_scenes as scenes
 from tests.polyworld.gap_scenes import Bouncing
 
@@ -206,14 +205,6 @@ def test_children_move_as_their_parent_while_the_effect_is_off(scene):
             assert np.abs(after.positions - before.positions).max() < 1e-9, (name, variant.label)
 
 
-def test_a_base_parameter_starts_at_the_worlds_own_value():
-    world, recording = ball()
-    for name in ("gravity_error", "restitution_error", "friction_error"):
-        for variant in catalogue()[name].variants(world, recording):
-            for unknown in variant.unknowns:
-                assert read_parameter(world, unknown.paths[0]) == unknown.start
-
-
 def test_an_effect_on_bodies_of_different_mass_is_offered_per_mass_and_per_body():
     world, recording = colliding_pucks()
     labels = [v.label for v in catalogue()["linear_drag"].variants(world, recording)]
@@ -227,11 +218,6 @@ def test_spin_effects_are_not_offered_where_nobody_knows_the_spin():
     recording = scenes.ball_recording(Bouncing(), scenes.launches(rng, 2), rng, duration=0.5)
     for name in ("magnus_lift", "spin_coupling", "spin_damping"):
         assert catalogue()[name].variants(scenes.ball_world(), recording) == ()
-
-
-def test_bounces_on_the_known_floor_are_no_kinks():
-    rng = np.random.default_rng(3)
-    assert kinks(scenes.ball_world(), scenes.ball_recording(Bouncing(), scenes.launches(rng), rng)) == ()
 
 
 FAN = np.array([0.1, 0.2, 0.6])
@@ -288,19 +274,3 @@ def test_a_fit_from_the_starts_finds_what_moved_the_ball(name):
     turning = name == "magnus_lift"
     recording = scenes.ball_recording(hidden, scenes.launches(rng, 5), rng, rate=60.0, orientations=turning)
     assert_found(scenes.ball_world(), recording, name, truth)
-
-
-def test_a_puck_separates_viscous_friction_and_a_wrong_coefficient_of_friction():
-    rng = np.random.default_rng(4)
-    viscous = scenes.puck_recording(lambda x, v: 0.1 * scenes.G + 0.25 * v, rng)
-    assert_found(scenes.puck_world(), viscous, "viscous_friction", {"coefficient": 0.05})
-    wrong = scenes.puck_recording(lambda x, v: 0.13 * scenes.G, rng)
-    assert_found(scenes.puck_world(), wrong, "friction_error", {"friction": 0.13})
-
-
-def test_a_pendulum_separates_damping_of_its_joint_and_a_motor():
-    rng = np.random.default_rng(5)
-    damped = scenes.pendulum_recording(lambda rate: -0.02 * rate, rng)
-    assert_found(scenes.pendulum_world(), damped, "joint_damping", {"damping": 0.02})
-    driven = scenes.pendulum_recording(lambda rate: 0.1, rng)
-    assert_found(scenes.pendulum_world(), driven, "motor", {"effort": 0.1})

@@ -169,12 +169,6 @@ def test_nearer_object_hides_the_farther_one() -> None:
     assert not without.mask(0).any()
 
 
-def test_labels_of_statics_follow_those_of_objects() -> None:
-    positions = np.array([[0.0, 0.0, 0.2], [1.0, 0.0, 0.4]])
-    picture = render(two_balls(), positions, np.tile([1.0, 0, 0, 0], (2, 1)), CAMERA)
-    assert set(np.unique(picture.labels)) == {0, 1, 2}
-
-
 def test_planar_world_is_drawn_on_the_plane_it_slides_on() -> None:
     body = RigidObject(name="disc", representation="rigid_planar", shape=Sphere(radius=0.2), position=(0, 0, 0.7))
     plane = MotionPlane(point=(0.0, 0.0, 0.5))
@@ -209,15 +203,6 @@ def test_default_camera_sees_every_position() -> None:
     column, row = camera.project((positions.reshape(-1, 3).min(axis=0) + positions.reshape(-1, 3).max(axis=0)) / 2)
     assert column == pytest.approx((camera.width - 1) / 2)
     assert row == pytest.approx((camera.height - 1) / 2)
-
-
-def test_default_camera_faces_an_upright_motion_plane() -> None:
-    world = two_balls()
-    objects = tuple(o.model_copy(update={"representation": "rigid_planar"}) for o in world.objects)
-    environment = world.environment.model_copy(update={"motion_plane": MotionPlane(normal=(0.0, -1.0, 0.0))})
-    upright = World(objects=objects, environment=environment)
-    camera = default_camera(upright, np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 2.0]]))
-    assert camera.rotation[2] == pytest.approx((0.0, 1.0, 0.0))
 
 
 @pytest.mark.parametrize(

@@ -55,13 +55,6 @@ def test_a_removed_object_takes_its_events_with_it() -> None:
     assert len(back.events_only_in_other) == len(result.events_only_in_base)
 
 
-def test_events_further_apart_than_the_tolerance_are_different_events() -> None:
-    slow = rollout(branch(world(), [SetVelocity(object="red", velocity=(0.8, 0.0, 0.0))]), 1.0)
-    result = compare(rollout(world(), 1.0), slow, time_tolerance=0.1)
-    assert not [m for m in result.events_in_both if m.base.kind == "contact_begin"]
-    assert [e for e in result.events_only_in_other if e.kind == "contact_begin"]
-
-
 def test_other_sample_times_are_met_by_the_cubic_through_positions_and_velocities() -> None:
     """Uniform deceleration is a parabola: the cubic is exact; sampled at 0.03 s against 0.05 s."""
     thrown = top_view(body("a", disc(), (0.0, 0.0, 0.2), velocity=(3.0, 0.0, 0.0), friction=0.1))

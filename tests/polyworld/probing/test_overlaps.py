@@ -64,14 +64,6 @@ def test_what_touches_joined_bodies_and_planar_ones_at_other_heights_do_not_over
     assert depths(flat) == {("a", "b"): pytest.approx(0.05, abs=1e-9)}
 
 
-def test_an_object_that_joins_where_another_is_overlaps_then() -> None:
-    late = body("late", Sphere(radius=0.1), (0, 0, 0.1), start_time=0.04)
-    world = make_world(body("there", Sphere(radius=0.1), (0, 0.15, 0.1)), late)
-    (found,) = overlaps(world, rollout(world, 0.08))
-    assert found.time == pytest.approx(0.04)
-    assert found.depth == pytest.approx(0.05, rel=0.05)
-
-
 def test_a_sheet_that_starts_in_a_ball_is_as_deep_as_its_deepest_node() -> None:
     cloth = sheet("cloth", (-0.2, -0.2, 0.5), 0.4, 0.4, (4, 4), thickness=0.002)
     ball = body("ball", Sphere(radius=0.2), (0, 0, 0.45))

@@ -10,7 +10,6 @@ import pytest
 
 from polyworld.data.recording import Recording
 from polyworld.screening import Finding, Screening, ScreenSettings, screen
-from polyworld.screening.tracks import subject
 from polyworld.world import World
 from tests import real_data
 from tests.polyworld.screening import cases
@@ -153,10 +152,3 @@ def test_measured_falls_in_wrong_units_and_axes_are_noticed() -> None:
         assert "--units mm" in found.message
         turned = screen(world, cases.relabelled(recording, (2, 0, 1)))
         assert [f.severity for f in turned.findings if f.kind == "axes"] == [axes]
-
-
-@needs("clevrer")
-def test_rounding_of_annotations_is_measured() -> None:
-    quantum = {t.object: t.quantum[t.quantum > 0.0] for t in subject(*real_data.clevrer(("00000", "02000"))).tracks}
-    assert sum(len(steps) > 0 for steps in quantum.values()) > 5
-    assert all(step == pytest.approx(1e-4) for steps in quantum.values() for step in steps)

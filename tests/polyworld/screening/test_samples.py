@@ -90,14 +90,6 @@ def test_a_hand_that_repeats_a_launch_within_two_percent_gives_the_same_course()
     assert kinds(found) == []
 
 
-def test_a_clock_that_starts_later_does_not_make_another_course() -> None:
-    times = cases.sampling(120.0, 0.7)
-    whole = thrown([((0, 0, 1), (1, 0, 2)), ((0, 0, 1), (1, 0, 2)), ((0, 0, 1), (-1, 0, 2))], times)
-    late = whole.runs[1].rows(times >= 0.1)
-    found = screen(OPEN, Recording((whole.runs[0], late, whole.runs[2])))
-    assert found.course_of == (0, 0, 1)
-
-
 @pytest.mark.parametrize(
     "other",
     [
@@ -111,33 +103,3 @@ def test_another_direction_speed_or_place_is_another_course(other: Launch) -> No
     found = screen(OPEN, thrown([((0.0, 0.0, 1.0), (1.0, 0.0, 2.0)), other]))
     assert found.distinct_courses == 2
     assert kinds(found) == []
-
-
-def test_drops_are_one_course_from_one_height_and_several_from_clearly_different_ones() -> None:
-    drops: list[Launch] = [((0, 0, h), (0, 0, 0)) for h in (3.0, 2.95, 2.0, 1.0)]
-    assert screen(OPEN, thrown(drops)).course_of == (0, 0, 1, 2)
-
-
-def test_launches_that_change_little_by_little_are_not_one_course() -> None:
-    found = screen(OPEN, thrown([((0, 0, 1), (1.0 + 0.04 * k, 0, 2)) for k in range(10)]))
-    assert found.distinct_courses >= 3
-
-
-def test_courses_that_differ_by_less_than_the_noise_are_indistinguishable() -> None:
-    launches: list[Launch] = [((0, 0, 1), (1, 0, 2)), ((0, 0, 1), (1.15, 0, 2))]
-    assert screen(OPEN, thrown(launches, noise=1e-3)).distinct_courses == 2
-    assert screen(OPEN, thrown(launches, noise=0.2)).distinct_courses == 1
-
-
-def test_runs_of_different_objects_are_different_courses() -> None:
-    world, recording = cases.colliding_discs(cases.sampling(60.0, 1.0), count=2)
-    same = Recording((recording.runs[0], cases.run("alone", TIMES, np.zeros((len(TIMES), 3)), ("red",))))
-    assert screen(world, same).distinct_courses == 2
-
-
-def test_a_single_course_is_described_as_such_whether_it_comes_back_or_not() -> None:
-    swing = cases.swinging(cases.sampling(60.0, 6.0), noise=1e-3)
-    drop = OPEN, thrown([((0, 0, 3), (0, 0, 0))])
-    for world, recording in (swing, drop):
-        (course,) = (f for f in screen(world, recording).findings if f.kind == "one_course")
-        assert course.message.startswith("The only run is a single course, along which place, time and speed")

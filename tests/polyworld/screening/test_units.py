@@ -43,12 +43,6 @@ def test_positions_in_pixels_are_a_caution_because_their_scale_is_unknown() -> N
     assert cases.numbers(found)[0] == pytest.approx(437.0, rel=0.01)
 
 
-def test_kilometres_are_a_caution_because_slow_falls_may_be_real() -> None:
-    found = only(WORLD, cases.scaled(launches(), space=1e-3))
-    assert (found.kind, found.severity) == ("units", "caution")
-    assert "--units km" in found.message
-
-
 @pytest.mark.parametrize("space", [1.0, 1000.0])
 def test_times_in_milliseconds_are_refused(space: float) -> None:
     found = only(WORLD, cases.scaled(launches(), space=space, time=1000.0))
@@ -106,11 +100,6 @@ def test_a_vertical_axis_that_was_never_measured_is_noticed() -> None:
     assert "which was not measured" in found.message
 
 
-def test_wrong_units_and_axes_together_are_both_named() -> None:
-    recording = cases.scaled(cases.relabelled(launches(), (0, 2, 1)), space=100.0)
-    assert [f.kind for f in screen(WORLD, recording).findings] == ["units", "axes"]
-
-
 def test_nothing_is_said_about_units_without_gravity_on_tables_on_joints_and_under_driving_effects() -> None:
     in_millimetres = cases.scaled(launches(), space=1000.0)
     weightless = World(objects=WORLD.objects, environment=Environment(gravity=(0.0, 0.0, 0.0)))
@@ -125,12 +114,6 @@ def test_nothing_is_said_about_units_without_gravity_on_tables_on_joints_and_und
         (pendulum, cases.scaled(swing, space=1000.0)),
     ):
         assert not {"units", "axes"} & {f.kind for f in screen(world, recording).findings}
-
-
-def test_one_run_in_other_units_does_not_speak_for_all() -> None:
-    recording = launches()
-    mixed = Recording((cases.scaled(recording, space=1000.0).runs[0], *recording.runs[1:]))
-    assert not screen(WORLD, mixed).refused
 
 
 def test_frame_numbers_and_milliseconds_on_a_table_are_cautions() -> None:

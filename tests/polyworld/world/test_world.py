@@ -143,8 +143,3 @@ def test_footprint_of_a_square_has_the_published_mean_radius() -> None:
     outline, _ = geometry.planar_outline(box, np.eye(3), geometry.plane_axes(MotionPlane()))
     expected = 0.4 * (math.sqrt(2) + math.log(1 + math.sqrt(2))) / 6
     assert geometry.footprint_radius(box, outline) == pytest.approx(expected, rel=1e-4)
-
-
-def test_vertical_motion_plane_has_up_as_its_second_axis() -> None:
-    axes = geometry.plane_axes(MotionPlane(normal=(0, -1, 0)))
-    np.testing.assert_allclose(axes, [[1, 0, 0], [0, 0, 1], [0, -1, 0]], atol=1e-15)

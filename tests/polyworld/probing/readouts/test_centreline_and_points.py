@@ -84,12 +84,6 @@ def test_a_material_point_follows_an_affine_motion_exactly(
     )
 
 
-def test_a_place_off_the_cloth_is_that_of_the_nearest_point_and_reports_how_far_it_is() -> None:
-    found = material_points(mesh(CLOTH), np.array([[1.3, 0.2, 0.4]]))
-    assert found.places(mesh(CLOTH).nodes)[0] == pytest.approx([1.0, 0.2, 0.0])
-    assert found.distance[0] == pytest.approx(0.5)
-
-
 def test_a_rope_over_a_wheel_is_seen_to_run_round_it() -> None:
     # Seen with the axis, y, at the viewer, x runs to the left: from right to left over the top is counter-clockwise.
     wheel = Pulley(name="wheel", rope="it", centre=(0.0, 0.0, 0.0), radius=0.2, after=0)

@@ -55,12 +55,6 @@ def test_particles_that_are_gone_are_nowhere() -> None:
     assert np.isnan(centre(points[None, :5], VOLUMES[:5])).all()
 
 
-def test_points_without_size_count_whole() -> None:
-    points = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
-    share = share_inside(points, np.zeros((3, 3)), np.array([0.5, -1.0, -1.0]), np.array([2.5, 1.0, 1.0]))
-    assert share.tolist() == [0.0, 1.0, 1.0]
-
-
 def test_what_a_container_holds_does_not_change_when_both_are_carried_away_and_tipped() -> None:
     bucket = RigidObject(
         name="bucket",
