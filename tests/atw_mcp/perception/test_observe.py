@@ -67,12 +67,12 @@ def test_objects_that_cross_keep_their_identity(tmp_path: Path) -> None:
 
 
 def test_object_is_found_again_after_full_occlusion(tmp_path: Path) -> None:
-    discs = [Disc(lambda t: (30 + 6.0 * t, 80), 9, BLUE), Disc(lambda _t: (120, 82), 24, RED)]
-    clip = render(tmp_path / "a.mp4", discs, 30)
+    discs = [Disc(lambda t: (30 + 4.0 * t, 80), 9, BLUE), Disc(lambda _t: (120, 82), 24, RED)]
+    clip = render(tmp_path / "a.mp4", discs, 44)
     observation = observe(clip.path)
     blue, _ = check(observation, clip, worst=0.7)
-    hidden = [t for t in range(30) if clip.truth[0][t].sum() == 0]
-    assert len(hidden) > 2
+    hidden = [t for t in range(44) if clip.truth[0][t].sum() == 0]
+    assert len(hidden) > 3
     assert all(observation.object(blue).status[t] == "hidden" for t in hidden)
     assert np.all(observation.object(blue).confidence[hidden] == 0)
 
@@ -119,8 +119,8 @@ def test_object_that_never_moves_is_an_object(tmp_path: Path) -> None:
 
 
 def test_shadows_are_no_objects_and_a_grey_ball_is(tmp_path: Path) -> None:
-    discs = [Disc(lambda t: (60 + 4.0 * t, 70), 15, GRAY), Disc(lambda _t: (70, 120), 14, RED)]
-    check(observe((clip := render(tmp_path / "a.mp4", discs, 18, shadows=True)).path), clip)
+    discs = [Disc(lambda t: (60 + 2.5 * t, 70), 15, GRAY), Disc(lambda _t: (70, 120), 14, RED)]
+    check(observe((clip := render(tmp_path / "a.mp4", discs, 30, shadows=True)).path), clip)
 
 
 def test_flicker_and_slowly_changing_light_make_no_objects(tmp_path: Path) -> None:

@@ -96,3 +96,16 @@ def test_keys_agree_with_closed_forms() -> None:
             way, threshold = slid(speed, 0.8) - slid(speed, since), asked["predicate"]["distance"]
             assert asked["answer"] == ("yes" if way > threshold else "no") == ("yes" if yes else "no")
             assert 0.09 < abs(way - threshold) / threshold < 0.41
+
+
+@needs_gl
+def test_labels_cover_the_centres_of_the_balls_that_are_seen(tmp_path: Path) -> None:
+    rng, at = np.random.default_rng(4), [0.0, 0.1, 0.2]
+    scene = KINDS["throw"](rng, 0)
+    run = simulate(scene, 0.3, 1)
+    paths = {b.name: np.array([run.place(b.name, t) for t in at]) for b in scene.bodies}
+    camera = draw_camera(rng, np.concatenate(list(paths.values())), "side")
+    labels = film(rng, scene, run, camera, at, tmp_path / "clip.mp4")
+    for k, name in enumerate(shown(scene)):
+        for frame, (u, v) in zip(labels, camera.pixel(paths[name]).astype(int), strict=True):
+            assert frame[v, u] == k + 1

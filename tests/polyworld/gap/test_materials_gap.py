@@ -52,6 +52,7 @@ def test_errors_of_a_scene_without_a_hidden_effect_stay_below_its_noise(case: Dr
     assert float(np.sqrt(np.mean(residuals(described) ** 2))) < share * described.sigma
 
 
+@pytest.mark.benchmark  # ten seconds; `gaps materials` does it of every material
 def test_stiffness_of_a_rope_is_found() -> None:
     case = rope_case(np.random.default_rng(0), "stretch_stiffness")
     recording, _ = case.recordings(np.random.default_rng(1))

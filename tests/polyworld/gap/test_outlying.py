@@ -46,6 +46,7 @@ def test_the_law_is_named_beside_a_run_that_was_struck_which_is_reported_with_wh
     assert abs(coefficient["value"] - K) < high - low < 0.1 * K  # four standard errors
 
 
+@pytest.mark.benchmark  # a second run that is set aside
 def test_a_zoom_of_one_run_is_found_under_the_law_that_explains_the_others() -> None:
     recording = flights(DRAG, 9)
     runs = list(recording.runs)

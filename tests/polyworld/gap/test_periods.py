@@ -58,6 +58,7 @@ def test_a_pendulum_of_another_length_is_found_from_its_angles() -> None:
     assert -unknown["value"] == pytest.approx(G * LENGTH / length * inertia, rel=1e-3)
 
 
+@pytest.mark.benchmark  # the same search as of the pendulum
 def test_a_spring_of_another_stiffness_is_found() -> None:
     stiffness, places = 31.0, []
     for k, size in enumerate((0.1, 0.2, 0.3)):

@@ -33,7 +33,7 @@ def kinds(screening: Screening) -> list[str]:
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("noise", [0.0, 1e-3, 1e-2])
+@pytest.mark.parametrize("noise", [0.0, 1e-2])
 def test_eight_launches_of_a_bouncing_ball_give_no_finding(law: str, noise: float) -> None:
     times = cases.sampling()
     found = screen(cases.ball_world(), cases.recorded(times, cases.bounces(times, law=LAWS[law]), noise))
@@ -46,7 +46,7 @@ def test_video_of_a_bouncing_ball_gives_no_finding() -> None:
     assert kinds(screen(cases.ball_world(), cases.recorded(times, cases.bounces(times), 5e-3))) == []
 
 
-@pytest.mark.parametrize("rate", [24.0, 30.0, 240.0])
+@pytest.mark.parametrize("rate", [24.0, 240.0])
 def test_a_ball_that_bounces_until_it_rests_gives_no_finding(rate: float) -> None:
     times = cases.sampling(rate, 6.0)
     drops = [((0.0, 0.0, 0.5 + 0.1 * k), (0.3 * k, 0.0, 0.0)) for k in range(6)]
