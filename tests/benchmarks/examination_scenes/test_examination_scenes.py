@@ -1,14 +1,18 @@
 """Check the scenes' physics and their keys against closed forms."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 pytest.importorskip("mujoco")
 
+from tests.benchmarks.examination_scenes.kinds import KINDS
+from tests.benchmarks.examination_scenes.picture import draw_camera, film, shown
 from tests.benchmarks.examination_scenes.questions import Asker, World, touch
 from tests.benchmarks.examination_scenes.world import GRAVITY, Body, Fixed, Scene, String, simulate
+from tests.offscreen_gl import needs_gl
 
 FRICTION = 0.25
 SLIPS = 0.004  # [m] MuJoCo's regularised contact lets a cylinder slide 0.4% too far
