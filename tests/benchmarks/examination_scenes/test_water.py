@@ -47,14 +47,14 @@ def test_water_at_rest_has_hydrostatic_pressure_and_stays() -> None:
 def test_plank_floats_as_deep_as_archimedes_says(density: float) -> None:
     half = 0.1, 0.04
     plank = Solid(half, 4 * half[0] * half[1] * DENSITY * density, np.array([0.4, 0.25]), np.zeros(3), 0.3)
-    tank = Tank((0.8, 0.4), 0.01, ((0, 0, 0.8, 0.2),), [plank])
+    tank = Tank((0.8, 0.4), 0.02, ((0, 0, 0.8, 0.2),), [plank])
     before = tank.energy
     places = []
-    for _ in range(12):
+    for _ in range(9):
         run(tank, 0.25)
         places.append(plank.place[1])
     level = (0.8 * 0.2 + 4 * half[0] * half[1] * density) / 0.8
-    assert np.mean(places[-6:]) - half[1] == pytest.approx(level - 2 * half[1] * density, abs=0.005)
+    assert np.mean(places[-5:]) - half[1] == pytest.approx(level - 2 * half[1] * density, abs=0.01)  # half a cell
     assert tank.energy < before
 
 
@@ -69,7 +69,7 @@ def test_disc_in_deep_water_falls_with_its_added_mass() -> None:
 
 def test_box_on_the_dry_floor_slides_to_where_friction_stops_it() -> None:
     box = Solid((0.05, 0.05), 5.0, np.array([0.2, 0.05]), np.array([1.0, 0.0, 0.0]), 0.25)
-    run(Tank((1.0, 0.4), 0.01, (), [box]), 0.8)
+    run(Tank((0.6, 0.2), 0.01, (), [box]), 0.5)
     assert box.place[0] - 0.2 == pytest.approx(1 / (2 * 0.25 * GRAVITY), rel=0.05)
 
 
