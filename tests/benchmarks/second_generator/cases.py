@@ -38,8 +38,6 @@ class Plan:
     bad: int = 0
     discs: int = 1
     min_rate: float = 0.0
-    free_form: bool = False
-    family: str | None = None
     accepted: list[str] = field(default_factory=list)
     options: dict[str, Any] = field(default_factory=dict)
 

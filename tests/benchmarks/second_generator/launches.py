@@ -116,7 +116,6 @@ def _style_b(rng: Generator, scene: Scene) -> Maker:
     r, planar, body = scene.bodies[0].radius, scene.planar, scene.bodies[0]
     kinds = ["ramp", "corner"] if scene.rig == "flight" else ["drop", "ramp", "corner", "juggle"]
     kind = str(rng.choice(kinds))
-    scene.habit = kind
     side = 0.0 if planar else 1.0
     reach, top = rng.uniform(1.0, 2.2), rng.uniform(1.0, 2.6)
     if kind == "juggle":

@@ -55,22 +55,17 @@ def near_effect(kind: str, c: Context) -> Knob:
 
 
 AIR, Q, BOTH = ["flight", "bounce"], "quadratic_drag", "linear_drag+quadratic_drag"
-# name: (rigs, laws, family, accepted names)
-TABLE: dict[str, tuple[list[str], list[str], str, list[str]]] = {
-    "power_drag": (AIR, ["power"], Q, [Q, "linear_drag", BOTH]),
-    "drag_crisis": (AIR, ["crisis"], Q, [Q, "linear_drag", BOTH]),
-    "decaying_spin": (
-        ["flight*", "bounce*"],
-        ["magnus_lift", "spin"],
-        "magnus_lift",
-        ["magnus_lift", "magnus_lift+spin_damping"],
-    ),
-    "fifth_root": (["bounce"], ["fifth_root"], "restitution_speed", ["restitution_speed", "restitution_error"]),
-    "exponential": (["bounce"], ["exponential"], "restitution_speed", ["restitution_speed", "restitution_error"]),
-    "lens_and_drag": (AIR, [Q, "lens"], Q, [Q, f"{Q}+observer_distortion"]),
-    "tilt_and_drag": (AIR, [Q, "camera"], Q, [Q, f"{Q}+observer_tilt", f"{Q}+tilt", "wind"]),
-    "mixture": (AIR, ["linear_drag", Q], Q, [Q, "linear_drag", BOTH]),
-    "gust": (AIR, ["gust"], "wind", ["wind"]),
+# name: (rigs, laws, accepted names)
+TABLE: dict[str, tuple[list[str], list[str], list[str]]] = {
+    "power_drag": (AIR, ["power"], [Q, "linear_drag", BOTH]),
+    "drag_crisis": (AIR, ["crisis"], [Q, "linear_drag", BOTH]),
+    "decaying_spin": (["flight*", "bounce*"], ["magnus_lift", "spin"], ["magnus_lift", "magnus_lift+spin_damping"]),
+    "fifth_root": (["bounce"], ["fifth_root"], ["restitution_speed", "restitution_error"]),
+    "exponential": (["bounce"], ["exponential"], ["restitution_speed", "restitution_error"]),
+    "lens_and_drag": (AIR, [Q, "lens"], [Q, f"{Q}+observer_distortion"]),
+    "tilt_and_drag": (AIR, [Q, "camera"], [Q, f"{Q}+observer_tilt", f"{Q}+tilt", "wind"]),
+    "mixture": (AIR, ["linear_drag", Q], [Q, "linear_drag", BOTH]),
+    "gust": (AIR, ["gust"], ["wind"]),
 }
 
 
@@ -78,7 +73,7 @@ def near_plan(rng: Generator, style: str, kinds: list[str]) -> list[Plan]:
     """Return one plan for each kind of TABLE asked for."""
     out = []
     for kind in kinds:
-        rigs, laws, family, ok = TABLE[kind]
+        rigs, laws, ok = TABLE[kind]
         short = kind == "decaying_spin" and bool(rng.random() < 0.5)
         out.append(
             Plan(
@@ -88,8 +83,6 @@ def near_plan(rng: Generator, style: str, kinds: list[str]) -> list[Plan]:
                 [partial(near_effect, k) for k in laws],
                 weak=bool(rng.random() < 0.2),
                 min_rate=120.0 if short else 0.0,
-                free_form=True,
-                family=family,
                 accepted=list(ok),
                 options={"kind": kind, "spin_at_start_only": short},
             )

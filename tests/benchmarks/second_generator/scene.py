@@ -54,8 +54,6 @@ class Scene:
     planar: bool  # motion in the x-z plane, y not recorded
     released: str  # "without spin" | "spinning" | "rolling"
     style: str = "a"
-    note: str = ""
-    habit: str = ""
 
     @property
     def flat(self) -> bool:
