@@ -295,17 +295,6 @@ def test_objects_that_meet_over_a_patch_rub_on_each_other_as_elsewhere(represent
 # --- whom they concern, and what they cost ----------------------------------------------------
 
 
-@pytest.mark.parametrize("representation", KINDS)
-@pytest.mark.parametrize("kind", ["restitution_speed", "bounce_friction", "spin_coupling", "friction_patch"])
-def test_a_law_at_its_neutral_value_changes_nothing(representation: str, kind: str) -> None:
-    thrown = ball(
-        representation, velocity=(2.0, 0.0, 0.0), friction=0.3, restitution=0.7, angular_velocity=(0.0, -9.0, 0.0)
-    )
-    plain, neutral = run(bouncing(thrown), 1.5), run(bouncing(thrown, effects=(law(kind),)), 1.5)
-    np.testing.assert_allclose(neutral.positions, plain.positions, atol=1e-12)
-    np.testing.assert_allclose(neutral.angular_velocities, plain.angular_velocities, atol=1e-9)
-
-
 def test_a_law_acts_only_on_contacts_of_the_objects_it_names() -> None:
     a = ball(position=(-1.0, 0.0, 1.0), velocity=(1.0, 0.0, 0.0))
     b = ball(name="other", position=(1.0, 0.0, 1.0), velocity=(1.0, 0.0, 0.0))

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from polyworld.effects import CATALOGUE
 from polyworld.solver.rollout import simulator
 from polyworld.world import Effect, World
-from polyworld.world.parameters import read_parameter, with_parameters
+from polyworld.world.parameters import read_parameter
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Box, Sphere
 from tests.verification import planar_scenes, rope_world
@@ -248,19 +248,6 @@ def test_a_law_at_its_defaults_does_nothing_at_all(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", FORCES)
-def test_parameters_given_per_world_act_as_those_of_a_world_of_its_own(kind: str) -> None:
-    for make in (spatial, planar):
-        world = make(effect(kind))
-        for name, spec in CATALOGUE[kind].parameters.items():
-            here = f"effects.e.{name}"
-            other = read_parameter(world, here) + 0.05 * (spec.search[1] - spec.search[0])
-            values = np.array([read_parameter(world, here), other])
-            both = simulator(world, TIMES[:20], n_worlds=2, threads=1).run({here: values}).positions[:, :, 0]
-            np.testing.assert_array_equal(both[0], positions(world, TIMES[:20]))
-            np.testing.assert_array_equal(both[1], positions(with_parameters(world, {here: other}), TIMES[:20]))
-
-
-@pytest.mark.parametrize("kind", FORCES)
 def test_paths_depend_smoothly_on_every_parameter(kind: str) -> None:
     """A fit follows derivatives: over 2e-4 of the range searched, paths change linearly to 1%."""
     world = spatial(effect(kind))
@@ -379,12 +366,3 @@ def test_a_law_that_is_not_per_mass_refuses_ropes_and_names_those_that_are() -> 
     line = rope_world.rope([[0, 0, 1], [1, 0, 1]], 4)
     with pytest.raises(ValueError, match=r"wind acts on rigid objects only.*'coriolis'.*'periodic_forcing'"):
         rope_world.world(line, effects=[{"name": "e", "kind": "wind"}])
-
-
-@pytest.mark.parametrize("kind", FORCES)
-def test_parameters_out_of_bounds_and_unknown_ones_are_refused_by_name(kind: str) -> None:
-    for name, spec in CATALOGUE[kind].parameters.items():
-        with pytest.raises(ValueError, match=f"'e': {name} = .* is outside"):
-            spatial(effect(kind, {name: spec.upper * 1.01}))
-    with pytest.raises(ValueError, match="has no parameter 'aether'; parameters:"):
-        spatial(effect(kind, {"aether": 1.0}))

@@ -12,7 +12,6 @@ from scipy.integrate import solve_ivp
 from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Environment, TimeBase, World
-from polyworld.world.parameters import read_parameter, with_parameters
 from polyworld.world.representations.joint import Hinge, Motor, Slider
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.shapes import Sphere
@@ -78,12 +77,6 @@ def test_each_worlds_motor_begins_when_its_delay_is_over() -> None:
     np.testing.assert_allclose(found.angular_velocities[:, :, 0, 2], 0.04 / MOMENT * driven, atol=1e-9)
 
 
-def test_the_delay_is_added_to_when_a_motor_is_switched() -> None:
-    found = batch(wheel(limit=0.04, start=0.2, end=0.4, reverse=True), {"joints.axle.motor.delay": [0.3]}, 1.0)
-    driven = np.clip(found.times[0] - 0.5, 0.0, 0.2)
-    np.testing.assert_allclose(found.angular_velocities[0, :, 0, 2], -0.04 / MOMENT * driven, atol=1e-9)
-
-
 def test_each_worlds_motor_has_its_own_torque_and_speed() -> None:
     limits, targets = np.array([0.01, 0.04, 0.04]), np.array([2.0, 2.0, -1.0])
     overrides = {"joints.axle.motor.limit": limits, "joints.axle.motor.target_speed": targets}
@@ -136,11 +129,3 @@ def test_a_pendulums_damping_and_friction_are_found_by_least_squares() -> None:
     found = least_squares(residual, [0.1, 0.05], jac=slopes, bounds=(0.0, 10.0))
     # What is left is the error of the step, which friction and damping share between them.
     np.testing.assert_allclose(found.x, [0.25, 0.15], rtol=2e-2)
-
-
-def test_a_motors_delay_is_read_and_set_by_path() -> None:
-    world = with_parameters(wheel(limit=0.04), {"joints.axle.motor.delay": 0.3})
-    assert read_parameter(world, "joints.axle.motor.delay") == 0.3
-    set_so = simulator(world, np.linspace(0.0, 1.0, 51), threads=1).run()
-    given = batch(wheel(limit=0.04), {"joints.axle.motor.delay": [0.3]}, 1.0)
-    assert set_so.orientations.tobytes() == given.orientations.tobytes()

@@ -9,10 +9,9 @@ import pytest
 from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
-from polyworld.edits.interventions import Move, branch
 from polyworld.solver.rollout import simulator
 from polyworld.world import World
-from polyworld.world.parameters import read_parameter, with_parameters
+from polyworld.world.parameters import read_parameter
 
 STIFFNESS, MASS, LENGTH = 25.0, 2.0, 0.3
 TIMES = np.linspace(0.0, 1.5, 31)
@@ -71,25 +70,6 @@ def test_a_spring_off_the_centre_is_fastened_to_the_point_that_was_described_how
     expected = solve_ivp(rate, (0.0, TIMES[-1]), start, t_eval=TIMES, rtol=1e-10, atol=1e-12).y
     assert found.positions[:, 0, :2] == pytest.approx(expected[:2].T, abs=1e-4)
     assert np.ptp(expected[2]) > 1.0  # it turned a good deal
-
-
-def test_a_described_world_that_starts_elsewhere_moves_as_the_one_of_a_batch() -> None:
-    path = "objects.ball.position.x"
-    made = with_parameters(sprung(), {path: LENGTH + 0.07})
-    assert rolled(made).positions == pytest.approx(rolled(sprung(), **{path: LENGTH + 0.07}).positions, abs=1e-12)
-    held = with_parameters(sprung(), {"joints.s.other_anchor.x": 0.05})
-    again = rolled(sprung(), **{"joints.s.other_anchor.x": 0.05})
-    assert rolled(held).positions == pytest.approx(again.positions, abs=1e-12)
-    assert np.ptp(again.positions[:, 0, 0]) > 0.05  # the wall's end pulled it off its place
-
-
-def test_a_spring_goes_with_a_body_that_is_turned_by_a_quaternion_of_any_length() -> None:
-    item = ball("ball", (0.0, 0.0, 0.0))
-    world = sprung(anchor=(-0.1, 0, 0), other_anchor=(-1, 0, 0)).model_dump() | {"objects": [item]}
-    for length in (1.0, 2.0):
-        turned = (length * np.cos(np.pi / 4), 0.0, 0.0, length * np.sin(np.pi / 4))  # a quarter turn about z
-        after = branch(World.model_validate(world), [Move(object="ball", orientation=turned)])
-        assert after.joints[0].anchor == pytest.approx((0.0, -0.1, 0.0), abs=1e-12)
 
 
 def test_a_hinge_may_stand_elsewhere_in_each_world_of_a_batch() -> None:

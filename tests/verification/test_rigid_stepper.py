@@ -17,7 +17,7 @@ from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, Wo
 from polyworld.world.representations.joint import Fixed, Hinge, Slider
 from polyworld.world.shapes import Box, Capsule, Plane, Sphere
 from tests.scenes.six_bodies import six_body_world
-from tests.verification.joint_scenes import body, linked, turned
+from tests.verification.joint_scenes import body, turned
 
 Array = NDArray[np.float64]
 
@@ -56,37 +56,6 @@ def test_steps_one_by_one_make_the_run_of_the_simulator() -> None:
     assert np.all(stepper.diverged() == -1)
     for w in range(3):
         assert [e.participants for e in stepper.events(w, 1.0)] == [e.participants for e in run.events[w]]
-
-
-def test_a_world_whose_step_has_no_length_stays_as_it_is() -> None:
-    stepper = RigidStepper(model_of(six_body_world(planar=False)), 2)
-    stepper.reset()
-    before = stepper.bodies.numpy().copy()
-    h = wp.array([STEP, 0.0], dtype=wp.float64, device="cpu")
-    stepper.launch_step(wp.zeros(2, dtype=wp.float64, device="cpu"), h)
-    after = stepper.bodies.numpy()
-    assert not np.array_equal(after["x"][0], before["x"][0])
-    np.testing.assert_array_equal(after[1].tobytes(), before[1].tobytes())
-
-
-def test_an_object_takes_part_from_its_start_time_on() -> None:
-    late = body("late", Sphere(radius=0.1), (0, 0, 1.0), start_time=0.1)
-    _, found = step_through(linked(late, joints=()), 100)
-    t = np.arange(101) * STEP
-    np.testing.assert_allclose(found[:, 0, 0, 2], 1.0 - 0.5 * 9.81 * np.maximum(t - 0.1, 0.0) ** 2, atol=1e-12)
-
-
-def test_a_body_lost_is_named_and_its_world_stands_still() -> None:
-    fast = body("fast", Sphere(radius=0.1), (0, 0, 0), velocity=(0.0, 0, 0))
-    stepper = RigidStepper(model_of(linked(body("slow", Sphere(radius=0.1), (0, 5.0, 0)), fast, joints=())), 1)
-    stepper.reset()
-    stepper.bodies.numpy()["v"][0, 1] = (1e7, 0, 0)
-    time, h = (wp.full(1, value, dtype=wp.float64, device="cpu") for value in (0.0, STEP))
-    stepper.launch_step(time, h)
-    assert stepper.diverged().tolist() == [1]
-    before = stepper.bodies.numpy()["x"].copy()
-    stepper.launch_step(time, h)
-    np.testing.assert_array_equal(stepper.bodies.numpy()["x"], before)
 
 
 def side_view(*objects: Any, joints: tuple[Hinge, ...] = (), statics: tuple[StaticObject, ...] = ()) -> World:

@@ -102,22 +102,3 @@ def test_lopsided_mesh_turns_about_its_centre_of_mass() -> None:
     _, attitude = _euler_top(solid.inertia / solid.volume, np.array(omega), 3.0)
     assert 2 * np.arccos(min(1.0, abs(out.orientations[0, -1, 0] @ attitude))) < 1e-5
     assert np.abs(out.positions[0]).max() < 1e-12
-
-
-def test_object_waits_for_its_start_time_and_then_falls() -> None:
-    """Nothing moves before start_time; after it the fall counts from there."""
-    world = make_world(body("late", Sphere(radius=0.1), (0, 0, 50), start_time=0.333), statics=())
-    out = run(world, 1.0)
-    t = np.maximum(out.times[0] - 0.333, 0.0)
-    assert np.abs(out.positions[0, :, 0, 2] - (50 - 0.5 * GRAVITY * t**2)).max() < 1e-10
-    assert not out.active[out.times[0] < 0.333].any()
-    assert out.active[out.times[0] >= 0.333].all()
-
-
-def test_longer_frames_are_longer_times() -> None:
-    """With twice the seconds per frame the samples lie at twice the times."""
-    world = make_world(body("ball", Sphere(radius=0.1), (0, 0, 50)), statics=())
-    ratio = np.array([1.0, 2.0]) * world.time.seconds_per_frame
-    out = run(world, 1.0, n_worlds=2, overrides={"time.seconds_per_frame": ratio})
-    assert np.allclose(out.times[1], 2 * out.times[0])
-    assert np.abs(out.positions[:, :, 0, 2] - (50 - 0.5 * GRAVITY * out.times**2)).max() < 1e-10

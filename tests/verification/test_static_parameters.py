@@ -10,7 +10,7 @@ import pytest
 from polyworld.solver.rollout import simulator
 from polyworld.trajectory import BatchTrajectory
 from polyworld.world import Environment, MotionPlane, StaticObject, TimeBase, World
-from polyworld.world.parameters import parameter_paths, read_parameter, with_parameters
+from polyworld.world.parameters import read_parameter, with_parameters
 from polyworld.world.representations.rigid import RigidObject
 from polyworld.world.representations.rope import Rope
 from polyworld.world.shapes import Box, Plane, Sphere, Wall
@@ -91,16 +91,6 @@ def test_a_pose_overridden_in_a_batch_is_that_of_a_world_so_described(representa
     assert np.abs(found.positions[0] - found.positions[1]).max() > 0.1
 
 
-@pytest.mark.parametrize("representation", KINDS)
-def test_the_worlds_own_pose_as_an_override_changes_nothing_to_the_bit(representation: str) -> None:
-    world = flight(SHAPES["tilted"], representation)
-    paths = [p for p in parameter_paths(world) if p.startswith("statics.wall.") and p.count(".") == 3]
-    assert len(paths) == 6
-    given = {path: [read_parameter(world, path)] for path in paths}
-    plain = simulator(world, np.linspace(0.0, 1.0, 41), threads=1).run()
-    assert batch(world, given).positions.tobytes() == plain.positions.tobytes()
-
-
 def test_a_floor_seen_from_the_side_is_raised_and_tilted() -> None:
     plane = MotionPlane(normal=(0.0, -1.0, 0.0))  # x and z
     floor = StaticObject(name="wall", shape=Plane())
@@ -130,29 +120,12 @@ def test_a_hidden_walls_place_and_turn_are_found_by_least_squares() -> None:
     np.testing.assert_allclose(found.x, [0.83, 0.07], atol=1e-5)
 
 
-def test_planar_statics_stay_in_the_motion_plane() -> None:
-    world = flight(SHAPES["box"], "rigid_planar")
-    with pytest.raises(ValueError, match="only within the motion plane"):
-        batch(world, {"statics.wall.position.z": [0.1]})
-    with pytest.raises(ValueError, match="planar statics turn only about the motion plane's normal"):
-        batch(world, {"statics.wall.rotation.x": [0.1]})
-
-
 def test_worlds_with_deformable_objects_refuse_statics_that_differ() -> None:
     rope = Rope(name="rope", points=((0.0, 0.0, 1.0), (0.5, 0.0, 1.0)), radius=0.01)
     world = World(deformables=(rope,), statics=(SHAPES["box"],))
     assert read_parameter(with_parameters(world, {"statics.wall.position.x": 2.0}), "statics.wall.position.x") == 2.0
     with pytest.raises(ValueError, match="set it with set_parameter"):
         batch(world, {"statics.wall.position.x": [2.0]}, end=0.1)
-
-
-def test_a_statics_pose_is_read_and_set_by_path() -> None:
-    world = flight(SHAPES["box"], "rigid_spatial")
-    assert read_parameter(world, "statics.wall.position.y") == 0.2
-    assert read_parameter(world, "statics.wall.rotation.z") == 0.0
-    turned = with_parameters(world, {"statics.wall.rotation.z": np.pi / 2, "statics.wall.position.z": 0.3})
-    np.testing.assert_allclose(turned.statics[0].orientation, [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)], atol=1e-15)
-    assert turned.statics[0].position == (1.05, 0.2, 0.3)
 
 
 @pytest.mark.parametrize("representation", KINDS)
@@ -196,12 +169,3 @@ def test_a_puck_slides_along_a_dominant_floor_by_the_floors_friction_or_its_own_
             motion = simulator(world, np.array([0.0, 0.2])).run()
             lost = 4.0 - motion.velocities[0, -1, 0, 0]
             assert lost == pytest.approx((own if friction is None else friction) * 9.81 * 0.2, rel=5e-3)
-
-
-def test_a_static_that_is_not_dominant_leaves_the_worlds_identity_as_it_was() -> None:
-    world = flight(SHAPES["plane"], "rigid_spatial")
-    assert "dominant" not in world.canonical_json()
-    assert World.model_validate_json(world.canonical_json()) == world
-    other = flight(SHAPES["plane"].model_copy(update={"dominant": True}), "rigid_spatial")
-    assert other.id != world.id
-    assert World.model_validate_json(other.canonical_json()) == other

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from polyworld.solver.rollout import rollout, simulator
+from polyworld.solver.rollout import rollout
 from polyworld.world import World
 
 AMPLITUDE, FREQUENCY, PHASE = 1.5, 0.7, 0.4
@@ -59,18 +59,3 @@ def test_a_forcing_acts_at_the_clock_of_the_world(kind, origin):
     moved = path.positions[:, 0, 0] - path.positions[0, 0, 0]
     # A node of a rope is moved in first order of its inner step.
     assert moved == pytest.approx(displaced(origin, path.times), abs=2e-3 if kind == "rope" else 2e-5)
-
-
-@pytest.mark.parametrize("kind", ["space", "plane"])
-def test_worlds_of_a_batch_start_at_clocks_of_their_own(kind):
-    times = np.arange(10) * 0.1
-    origins = np.array([0.0, 0.3, 7.0])
-    batch = simulator(shaken(0.0, **BODIES[kind]), times, n_worlds=3).run({"time.origin": origins})
-    for moved, origin in zip(batch.positions[:, :, 0, 0], origins, strict=True):
-        assert moved == pytest.approx(displaced(origin, times), abs=2e-5)
-
-
-def test_a_world_that_starts_at_nought_keeps_its_id():
-    assert shaken(0.0).id == World.model_validate({**shaken(0.0).model_dump(), "time": {"substep": 0.002}}).id
-    assert "origin" not in shaken(0.0).canonical_json()
-    assert shaken(0.5).id != shaken(0.0).id

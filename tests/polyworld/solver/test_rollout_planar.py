@@ -80,13 +80,6 @@ def test_an_object_joins_at_its_start_time_and_not_before() -> None:
     assert np.array_equal(motion.active[:, 1], t >= 1.005)
 
 
-def test_time_scale_moves_the_start_time_with_the_frames() -> None:
-    late = body("late", disc(), (0.0, 0.0, 0.2), velocity=(0.0, 1.0, 0.0), start_time=0.4)
-    world = top_view(late, gravity=0.0)
-    batch = simulator(world, np.arange(21) * 0.04, n_worlds=1).run({"time.seconds_per_frame": np.array([0.08])})
-    np.testing.assert_allclose(batch.positions[0, :, 0, 1], np.maximum(0.0, batch.times[0] - 0.8), atol=1e-12)
-
-
 def test_a_runaway_world_stops_alone_and_says_who_and_when() -> None:
     """Negative drag blows one world of two up; the other is as if it had been alone."""
     push = Effect(name="push", kind="uniform_acceleration", parameters={"x": 0.0})
@@ -103,21 +96,6 @@ def test_a_runaway_world_stops_alone_and_says_who_and_when() -> None:
     cut = batch.world(1)
     assert 0 < len(cut.times) < 1001
     assert cut.times[-1] <= batch.diverged_time[1]
-
-
-def test_a_rollout_of_a_runaway_world_is_reported_as_diverged() -> None:
-    push = Effect(name="push", kind="uniform_acceleration", parameters={"x": 1e4})
-    result = rollout(top_view(body("ball", Sphere(radius=0.1), (0.0, 0.0, 0.1)), effects=(push,)), 120.0)
-    assert result.status == "diverged"
-    assert result.diverged_object == "ball"
-    assert result.trajectory.times[-1] < 101.0
-
-
-def test_samples_include_the_start_and_the_horizon() -> None:
-    times = rollout(top_view(body("a", disc(), (0.0, 0.0, 0.2))), 0.11, sample_interval=0.05).trajectory.times
-    np.testing.assert_allclose(times, [0.0, 0.05, 0.1, 0.11])
-    times = rollout(top_view(body("a", disc(), (0.0, 0.0, 0.2))), 0.12, sample_interval=0.04).trajectory.times
-    np.testing.assert_allclose(times, [0.0, 0.04, 0.08, 0.12])
 
 
 @pytest.mark.parametrize(

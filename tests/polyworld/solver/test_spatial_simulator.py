@@ -10,18 +10,9 @@ from polyworld.solver.rollout import rollout, simulator
 from polyworld.solver.spatial.simulator import SpatialSimulator
 from polyworld.world import Effect, StaticObject, World
 from polyworld.world.shapes import Box, Cylinder, Sphere, Wall
-from tests.scenes.six_bodies import six_body_world
 from tests.verification.spatial_world import FLOOR, GRAVITY, body, make_world, run
 
 TIMES = np.arange(0.0, 2.001, 0.04)
-
-
-def test_fewer_samples_are_the_beginning_of_the_whole() -> None:
-    sim = SpatialSimulator(model_of(six_body_world(planar=False)), TIMES)
-    whole = sim.run()
-    part = sim.run(samples=11)
-    assert part.positions.shape[1] == 11
-    assert part.positions.tobytes() == whole.positions[:, :11].tobytes()
 
 
 def test_gravity_and_friction_overrides_act() -> None:
@@ -134,14 +125,6 @@ def test_a_spin_that_no_number_can_follow_is_lost(spin: float) -> None:
     out = run(empty.model_copy(update={"objects": (wild,)}), 0.1)
     assert out.diverged[0]
     assert np.isnan(out.orientations[0, -1]).all()
-
-
-def test_wrong_numbers_of_samples_or_values_are_refused() -> None:
-    sim = SpatialSimulator(model_of(six_body_world(planar=False)), TIMES, n_worlds=2)
-    with pytest.raises(ValueError, match=r"samples must lie in 1\.\.51"):
-        sim.run(samples=0)
-    with pytest.raises(ValueError, match="2 values"):
-        sim.run({"objects.cube_a.mass": np.array([1.0])})
 
 
 def test_world_without_objects_runs() -> None:
