@@ -41,12 +41,6 @@ def test_a_whole_store_has_no_faults_and_is_not_changed(tmp_path: Path) -> None:
     assert not (tmp_path / "none.db").exists()
 
 
-def test_another_file_is_no_store(tmp_path: Path) -> None:
-    path = tmp_path / "notes.txt"
-    path.write_text("notes " * 1000)
-    assert "not an evidence store" in faults(path)["store"]
-
-
 def test_damaged_records_are_named_and_the_others_recovered(tmp_path: Path) -> None:
     store = filled(tmp_path / "atw.db")
     store.close()

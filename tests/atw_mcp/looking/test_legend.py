@@ -20,10 +20,3 @@ def test_marks_are_drawn_in_their_colour_in_front_of_the_words(mark: Mark) -> No
     colored = np.abs(drawn.astype(int) - np.array(BLUE)).max(axis=2) < 90
     assert 5 < colored[:, :42].sum() < 400  # the words begin there, in white
     assert (drawn[:, 42:] > 200).all(axis=2).sum() > 5
-
-
-def test_entries_go_on_in_the_next_row() -> None:
-    entries = [Entry(f"entry {k}", line(BLUE)) for k in range(7)]
-    assert len(legend(entries, 1000)) == ROW
-    assert len(legend(entries, 400)) == 2 * ROW
-    assert legend([], 400).shape == (0, 400, 3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from atw_mcp.looking.overlay import SIMULATED
-from atw_mcp.looking.plan_frame import FOOT, round_length
+from atw_mcp.looking.plan_frame import FOOT
 from atw_mcp.looking.plan_view import CROWD, EVENT, PlanView, plan_frame, short_names, silhouette
 from polyworld.pictures.render import look_at
 from polyworld.trajectory import Event, Trajectory
@@ -132,18 +132,6 @@ def test_paths_have_dots_and_dashes() -> None:
     assert drawn([0, 4, 16], None) > drawn([], None) + 12
 
 
-def test_ticks_are_at_the_places_they_name() -> None:
-    frame = plan_of([(1.2, -3.4), (2.9, -2.2)], eye=(0.0, 8.0, 4.0)).frame  # from behind: x to the left
-    assert frame.axis_names == ("x", "y")
-    for axis in (0, 1):
-        ticks = frame._ticks(axis)
-        assert len(ticks) >= 3
-        for text, at in ticks:
-            place = np.zeros(3)
-            place[axis] = float(text)
-            assert frame.pixel_points(frame.flat(place))[axis] == pytest.approx(at, abs=0.51)
-
-
 def test_what_rises_and_falls_is_seen_from_the_side() -> None:
     s = np.linspace(0.0, 1.0, 11)
     throw = np.stack([2.0 * s, 0.3 * s, 4.0 * s * (1.0 - s)], axis=1)
@@ -175,15 +163,6 @@ def test_collisions_are_stars_where_they_happen_and_hollow_before() -> None:
         assert around.any()
 
 
-def test_ways_to_come_are_drawn_faintly() -> None:
-    world, trajectory = moving(np.outer(np.linspace(0.0, 2.0, 21), [1.0, 0.0, 0.0]))
-    plan = PlanView(world, trajectory, plan_frame([(world, trajectory)], ahead(), ["o0"], [20], HEIGHT), ["o0"])
-    x, y = np.rint(plan.pixel(np.array([1.5, 0.0, 0.0]))).astype(int)
-    reds = [plan.draw(sample, [], None, {})[y, x - 12 : x + 13, 2].astype(float).mean() for sample in (0, 20)]
-    ground = plan.frame.ground().image[y, x, 2]
-    assert ground + 10 < reds[0] < 0.8 * reds[1]
-
-
 def test_crowds_get_short_names() -> None:
     few, many = [f"body_{k:02d}" for k in range(CROWD)], [f"body_{k:02d}" for k in range(50)]
     assert short_names(few)["body_07"] == "body_07"
@@ -191,8 +170,3 @@ def test_crowds_get_short_names() -> None:
     unlike = [*many[:20], "a_red_cube"]
     assert short_names(unlike)["a_red_cube"] == "21"
     assert len(set(short_names(unlike).values())) == 21
-
-
-@pytest.mark.parametrize(("longest", "length"), [(0.99, 0.5), (1.0, 1.0), (4.0, 2.0), (0.07, 0.05), (730.0, 500.0)])
-def test_scale_bars_have_round_lengths(longest: float, length: float) -> None:
-    assert round_length(longest) == pytest.approx(length)

@@ -77,13 +77,6 @@ def test_frame_numbers_beside_times_are_labels_and_no_straight_line_replaces_the
     assert [tracks.time_of(f) for f in (0, 2, 4)] == pytest.approx([0.0, 0.1, 0.133 + tracks.seconds_per_frame])
 
 
-def test_axes_that_were_not_measured_are_stated_as_such(tmp_path: Path) -> None:
-    found = import_tracks(written(tmp_path / "t.csv", "t,x,z\n0,1,2\n0.1,1,3\n"))
-    assert found.tracks.names == ("object",)
-    assert found.tracks.positions[1, 0].tolist() == [1.0, 0.0, 3.0]
-    assert (found.unmeasured, found.remarks) == ("y", ("not measured and taken as 0: y",))
-
-
 @pytest.mark.parametrize(
     ("text", "says"),
     [

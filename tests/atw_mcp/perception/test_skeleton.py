@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from atw_mcp.perception.skeleton import CentrelineInImage, centreline, thinned
+from atw_mcp.perception.skeleton import CentrelineInImage, centreline
 
 Floats = NDArray[np.float64]
 SIZE = (320, 240)
@@ -81,14 +81,3 @@ def test_two_separate_pieces_are_two_parts_and_too_little_is_nothing() -> None:
     dot = np.zeros((20, 20), dtype=bool)
     dot[5:8, 5:8] = True
     assert centreline(dot) is None
-
-
-def test_thinning_leaves_one_pixel_and_keeps_what_is_connected() -> None:
-    mask = np.zeros((40, 60), dtype=bool)
-    mask[10:20, 5:55] = True
-    mask[15:36, 28:33] = True  # a T
-    line = thinned(mask)
-    assert not np.any(line & ~mask)
-    columns = line.sum(axis=0)
-    assert np.all(columns[12:26] == 1)
-    assert cv2.connectedComponents(line.astype(np.uint8), connectivity=8)[0] == 2

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import sqlite3
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from atw_mcp.calls.app import App
 from tests.atw_mcp.clips import write_clip, write_tracks
 from tests.atw_mcp.session import Session
-from tests.atw_mcp.two_discs import case_with, two_discs
 
 
 @pytest.fixture
@@ -44,44 +41,6 @@ def test_missing_and_wrongly_typed_arguments_are_named(session: Session) -> None
     assert "case: is required" in session.refused("BuildWorld")
     assert "max_objects" in session.refused("ObserveObjects", case="x", max_objects="many")
     assert "max_objects" in session.refused("ObserveObjects", case="x", max_objects=0)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "expected"),
-    [
-        ({}, "exactly one of"),
-        ({"points": [{"world": [i, 0, 0], "pixel": [10 * i, 20]} for i in range(4)]}, "line"),
-        ({"points": [{"world": [0, 0, 0], "pixel": [10, 20]}] * 4}, "more than once"),
-        ({"points": [{"world": [0, 0, 0], "pixel": [10, 20]}] * 3}, "points"),
-        ({"homography": [[1, 0, 0], [0, 0, 0], [0, 0, 1]]}, "singular"),
-        ({"homography": [[1, 0], [0, 1]]}, "homography"),
-        ({"homography": {"plane": "z=0.2", "H": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}}, "here the value of 'H'"),
-        ({"homography": {"rows": [[1, 0], 2]}}, "got an object with ['rows']"),
-        ({"known_length": {"first_pixel": [5, 5], "second_pixel": [5, 5], "length": 1.0}}, "at least 2 px"),
-        ({"known_length": {"first_pixel": [5, 5], "second_pixel": [50, 5], "length": -1.0}}, "length"),
-        (
-            {"camera": {"intrinsics": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "rotation": [[1, 0, 0]] * 3,
-                        "translation": [0, 0, 1]}},
-            "orthonormal",
-        ),
-    ],
-)  # fmt: skip
-def test_degenerate_calibrations_are_refused(
-    session: Session, tmp_path: Path, arguments: dict[str, Any], expected: str
-) -> None:
-    case = session("OpenCase", video=str(write_clip(tmp_path / "marbles.mp4")))["case"]
-    assert expected in session.refused("CalibrateCamera", case=case, **arguments)
-
-
-def test_predicates_and_edits_in_a_wrong_form_are_shown_an_example(session: Session) -> None:
-    app = App(session.store)
-    case_with(app, two_discs(), committed=True)
-    rollout = session("Rollout", case="discs", horizon_seconds=0.1)["source"]["rollout"]
-    assert '{"predicate": "collides", "a"' in session.refused("QueryWorld", rollout=rollout, predicate="collides")
-    assert '{"action": "remove", "object"' in session.refused("Rollout", case="discs", edits=["remove"])
-    assert "no action 'delete' (did you mean 'remove'?); there are remove" in session.refused(
-        "Rollout", case="discs", edits=[{"action": "delete", "object": "target"}]
-    )
 
 
 def test_building_before_observing_names_the_next_tool(session: Session, tmp_path: Path) -> None:

@@ -61,19 +61,6 @@ def test_what_can_roll_on_a_level_floor_is_spatial_and_would_suit_a_planar_world
     assert "alternative_representation" not in asked  # it was asked for
 
 
-def test_a_fall_is_a_spatial_world(session: Session, tmp_path: Path) -> None:
-    path = tmp_path / "fall.csv"
-    times = np.arange(12) * 0.04
-    rows = [f"{t},ball,0,0,{2.0 - 0.5 * 9.81 * t * t}" for t in times]
-    path.write_text("t,object,x,y,z\n" + "\n".join(rows) + "\n")
-    case = session("OpenCase", data=str(path))["case"]
-    session("ImportObservation", case=case, kind="tracks", path=str(path))
-    built = session("BuildWorld", case=case, default_shape={"kind": "sphere", "radius": 0.1})
-    assert built["data"]["representation"] == "spatial"
-    assert "ball" in built["data"]["why"]
-    assert "floor" in built["data"]["statics"]
-
-
 def test_objects_of_a_clip_move_at_their_known_speed(session: Session, tmp_path: Path) -> None:
     # Discs of 9 px radius move 2 px a frame; 100 px are 1 m and a frame lasts 1/25 s: 0.5 m/s, radius 0.09 m.
     case = session("OpenCase", video=str(write_clip(tmp_path / "discs.mp4")))["case"]
@@ -186,19 +173,6 @@ def test_masks_depth_and_camera_from_elsewhere_make_a_world_without_assumptions(
     assert near["velocity"][0] == pytest.approx(2 / 200 * 3.0 / 0.04, rel=0.05)
     far = next(item for item in built["data"]["objects"] if item["name"] == "object_2")
     assert far["position"][1] - near["position"][1] == pytest.approx(0.5, abs=0.02)
-
-
-def test_equal_requests_give_equal_worlds_on_different_stores(tmp_path: Path) -> None:
-    path = write_tracks(tmp_path / "slide.csv")
-    ids = []
-    for name in ("a.db", "b.db"):
-        session = Session(tmp_path / name)
-        case = session("OpenCase", data=str(path))["case"]
-        session("ImportObservation", case=case, kind="tracks", path=str(path))
-        built = session("BuildWorld", case=case, default_shape=BOX)
-        fitted = session("FitWorld", case=case, generations=6, population=16, patience_seconds=300)
-        ids.append((case, built["source"]["world"], fitted["source"]["world"], fitted["evidence"]))
-    assert ids[0] == ids[1]
 
 
 def test_a_cancelled_fit_keeps_the_best_found_and_is_not_reused(session: Session, tmp_path: Path) -> None:

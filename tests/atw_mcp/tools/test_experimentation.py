@@ -94,14 +94,6 @@ def test_comparison_finds_the_lost_collision_and_the_displacement(app: App, roll
     assert data["only_in_base"] == ["target"]
 
 
-def test_same_request_is_answered_from_the_store(app: App, roll: Callable[..., Answer]) -> None:
-    first = roll(horizon_seconds=0.5)
-    again = tools.roll_out(app, "discs", horizon_seconds=0.5)
-    assert isinstance(again, Answer)
-    assert again.rollout == first.rollout
-    assert again.data == first.data
-
-
 def test_branch_can_be_edited_further(roll: Callable[..., Answer]) -> None:
     slow = roll([{"action": "set_velocity", "object": "striker", "velocity": [0.5, 0, 0]}])
     alone = roll([{"action": "remove", "object": "target"}], world=slow.world)
@@ -179,12 +171,6 @@ def test_events_can_be_chosen_by_participants_and_kind(app: App, roll: Callable[
     page = readings.read_events(app, rollout, limit=1).data
     assert page["next_cursor"] == 1
     assert page["of"] > 1
-
-
-def test_timeline_of_an_interval_leaves_out_the_rest(app: App, roll: Callable[..., Answer]) -> None:
-    rollout = roll().rollout or ""
-    assert readings.read_timeline(app, rollout, interval=[0.0, 0.5]).data["timeline"] == []
-    assert readings.read_timeline(app, rollout, interval=[0.7, 0.9]).data["timeline"] != []
 
 
 def test_bound_name_stands_for_its_object(app: App, roll: Callable[..., Answer]) -> None:

@@ -15,10 +15,10 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 from atw_mcp.calls.app import App
-from atw_mcp.viewer import records, typescript
+from atw_mcp.viewer import records
 from atw_mcp.viewer.case_document import case_document
 from atw_mcp.viewer.document import ViewDocument
-from atw_mcp.viewer.packing import Blocks, packed, unpacked
+from atw_mcp.viewer.packing import packed, unpacked
 from atw_mcp.viewer.parts import Block
 from atw_mcp.worlds.rollouts import compute_rollout, rollout_from
 from evidence_store import Evidence, EvidenceStore, UnknownRecord
@@ -281,32 +281,9 @@ def test_several_worlds_and_rollouts_of_a_kind_are_labelled_apart(copied: Path) 
     assert document.rollouts[1].base == document.rollouts[0].id  # of the same length
 
 
-def test_work_of_a_process_that_ended_is_not_running(copied: Path) -> None:
-    store = EvidenceStore(copied)
-    store.evidence.add(Evidence("FitWorld", {}, case=CASE, status="running", summary="fitting"))
-    store.close()
-    row = read(copied).evidence[-1]
-    assert (row.tool, row.status) == ("FitWorld", "failed")
-    assert "ended before it was done" in row.summary
-
-
 def test_a_document_tampered_with_is_refused() -> None:
     with pytest.raises(ValueError, match="packed view document"):
         unpacked(gzip.compress(b"some other file, long enough"))
-
-
-def test_equal_arrays_are_kept_once_and_different_ones_apart() -> None:
-    blocks = Blocks()
-    first, again = blocks.floats([[1.0, 2.0]]), blocks.floats([[1.0, 2.0]])
-    flat, whole, empty, none = blocks.floats([1.0, 2.0]), blocks.integers([1, 2]), blocks.floats([]), blocks.raw(b"")
-    assert first == again
-    assert len({b.offset for b in (first, flat, whole, empty, none)}) == 5
-    assert all(b.offset % 4 == 0 for b in (first, flat, whole, empty, none))
-    assert np.frombuffer(blocks.joined(), "<i4", 2, whole.offset).tolist() == [1, 2]
-
-
-def test_types_of_the_page_are_those_of_the_document() -> None:
-    assert typescript.FILE.read_text(encoding="utf-8") == typescript.typescript(), "python -m atw_mcp.viewer.typescript"
 
 
 def test_spread_is_that_of_the_members_of_the_ensemble(written: tuple[Path, str, str], copied: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from atw_mcp.viewer.rollouts import rollout_view
 from atw_mcp.viewer.shapes import shape_view
 from atw_mcp.viewer.worlds import world_view
 from polyworld.model import mesh_of
-from polyworld.trajectory import PointMotion, Rollout, Trajectory, Truncation
+from polyworld.trajectory import PointMotion, Rollout, Trajectory
 from polyworld.world import Effect, World, geometry
 from polyworld.world.shapes import Box, Compound, ConvexMesh, Cylinder, Part, Plane, Sphere, TriangleMesh, Wall
 from tests.atw_mcp.viewer import scenes
@@ -206,28 +205,3 @@ def test_long_rollouts_are_thinned_out_and_say_so() -> None:
     step = round(float(times[1]) / 0.02)
     assert f"every {step}th of 1001 samples" in seen.rollout.sampled
     assert seen(seen.rollout.positions).shape[0] == len(times)
-
-
-def test_runs_that_end_early_say_when_and_why() -> None:
-    seen = Seen(scenes.discs().world)
-    cut = replace(seen.result, status="truncated", truncated=Truncation(0.5, "out of patience"))
-    shown = rollout_view("r", scenes.discs().world, cut, seen.blocks, label="")
-    assert (shown.status, shown.why_ended) == ("truncated", "truncated at 0.5 s: out of patience")
-    lost = replace(seen.result, status="diverged", diverged_time=0.25, diverged_object="cue")
-    shown = rollout_view("r", scenes.discs().world, lost, seen.blocks, label="")
-    assert (shown.status, shown.why_ended) == ("diverged", "diverged at 0.25 s (cue)")
-
-
-def test_many_points_are_rounded_by_less_than_can_be_seen() -> None:
-    from atw_mcp.viewer.sampling import rounded
-
-    points = np.random.default_rng(0).uniform(-3.0, 3.0, (2, 2000, 3))
-    points[0, :5] = np.nan
-    found = rounded(points)
-    assert np.isnan(found[0, :5]).all()
-    assert np.nanmax(np.abs(found - points)) < 3.0 / 8000
-    assert len(np.unique(found[1])) < 12_000  # fewer values, which compress
-
-
-def test_every_scene_is_a_world() -> None:
-    assert all(make().world.moving_names for make in scenes.SCENES.values())

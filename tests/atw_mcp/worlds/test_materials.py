@@ -258,15 +258,6 @@ def test_pictures_show_the_rope_and_its_fastening(pendulum: tuple[Session, str, 
     assert data["objects"][0]["name"] == "cord"
 
 
-def test_horizon_is_bounded_by_the_number_of_points(session: Session, case: str) -> None:
-    fine = {**TANK, "cell": 0.005, "upper": [0.2, 0.1, 0.3]}
-    built = session("BuildWorld", case=case, parts=[WATER, fine])
-    session("CommitWorld", case=case, world=built["source"]["world"])
-    refusal = session.refused("Rollout", case=case, horizon_seconds=100)
-    assert "512000 points and particles in each" in refusal
-    assert "a coarser grid" in refusal
-
-
 SIDE_VIEW = {"point": [0, 0, 0], "normal": [0, -1, 0]}
 BASIN = {"part": "fluid_grid", "lower": [-0.25, -0.05, -0.05], "upper": [0.25, 0.05, 0.4], "cell": 0.02}
 POOL = {
@@ -316,13 +307,6 @@ def test_a_body_far_from_the_rope_that_it_is_attached_to_is_named(session: Sessi
     for place, warned in (([0, 0, 0.67], False), ([1.2, 1.1, 0.03], True)):
         built = session("BuildWorld", case=case, objects=[{**bead, "position": place}], parts=[rope, knot])
         assert any("1.8 m from where rope is attached to it" in n for n in built["data"]["assumed"]) == warned
-
-
-def test_a_motion_plane_that_a_compound_overrules_is_reported(session: Session, case: str) -> None:
-    pail = {**BUCKET, "position": [0, 0, 0.3]}
-    built = session("BuildWorld", case=case, motion_plane=SIDE_VIEW, objects=[pail])
-    assert built["data"]["representation"] == "spatial"
-    assert any("spatial although there is a motion plane" in note for note in built["data"]["assumed"])
 
 
 def test_the_box_a_rope_starts_in_holds_the_top_of_the_wheel_it_hangs_over(session: Session, case: str) -> None:
