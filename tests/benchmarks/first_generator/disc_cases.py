@@ -186,19 +186,9 @@ def observer_scale(rng: np.random.Generator, scene: Scene) -> DiscEffect:
 
 EFFECTS: dict[str, Draw] = {
     f.__name__: f
-    for f in (
-        tilt,
-        linear_drag,
-        quadratic_drag,
-        coriolis,
-        friction_error,
-        restitution_error,
-        mass_error,
-        friction_patch,
-        spring,
-        observer_scale,
-    )
-}
+    for f in (tilt, linear_drag, quadratic_drag, coriolis, friction_error, restitution_error,
+              mass_error, friction_patch, spring, observer_scale)
+}  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -437,37 +437,20 @@ def _xyz(name: str, vector: Array) -> Numbers:
 
 Draw = Callable[[np.random.Generator, Scenery], Drawn]
 
-# By name, with the designs that let the effect act.
-EFFECTS: dict[str, tuple[Draw, tuple[str, ...]]] = {
-    f.__name__: (f, designs)
-    for f, designs in (
-        (gravity_error, ("bouncing",)),
-        (tilt, ("bouncing",)),
-        (linear_drag, ("bouncing",)),
-        (quadratic_drag, ("bouncing",)),
-        (wind, ("bouncing",)),
-        (magnus_lift, ("bouncing",)),
-        (coriolis, ("bouncing",)),
-        (buoyancy, ("bouncing",)),
-        (spin_damping, ("bouncing",)),
-        (spring, ("bouncing",)),
-        (tether, ("bouncing",)),
-        (central_force, ("bouncing",)),
-        (periodic_forcing, ("bouncing",)),
-        (fan, ("bouncing",)),
-        (restitution_error, ("bouncing",)),
-        (restitution_speed, ("bouncing",)),
-        (bounce_friction, ("bouncing",)),
-        (spin_coupling, ("bouncing",)),
-        (friction_error, ("bouncing", "sliding")),
-        (hidden_wall, ("outward",)),
-        (observer_scale, ("bouncing",)),
-        (observer_clock, ("bouncing",)),
-        (observer_tilt, ("bouncing",)),
-        (observer_distortion, ("bouncing",)),
-        (dropped_frames, ("bouncing",)),
-        (friction_patch, ("sliding",)),
-        (viscous_friction, ("sliding",)),
-        (rolling_resistance, ("floor",)),
-    )
+# Designs that let an effect act, where it is not that of bounces.
+DESIGNS_OF: dict[str, tuple[str, ...]] = {
+    "friction_error": ("bouncing", "sliding"),
+    "hidden_wall": ("outward",),
+    "friction_patch": ("sliding",),
+    "viscous_friction": ("sliding",),
+    "rolling_resistance": ("floor",),
 }
+EFFECTS: dict[str, tuple[Draw, tuple[str, ...]]] = {
+    f.__name__: (f, DESIGNS_OF.get(f.__name__, ("bouncing",)))
+    for f in (
+        gravity_error, tilt, linear_drag, quadratic_drag, wind, magnus_lift, coriolis, buoyancy, spin_damping,
+        spring, tether, central_force, periodic_forcing, fan, restitution_error, restitution_speed, bounce_friction,
+        spin_coupling, friction_error, hidden_wall, observer_scale, observer_clock, observer_tilt,
+        observer_distortion, dropped_frames, friction_patch, viscous_friction, rolling_resistance
+    )
+}  # fmt: skip
