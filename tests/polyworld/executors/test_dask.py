@@ -13,7 +13,7 @@ import pytest
 
 from polyworld.core.interruption import Interrupted, Interruption
 from polyworld.executors import TRIES, DaskExecutor, Failure, LocalExecutor, SerialExecutor, executor_from, results
-from tests.polyworld.executors.pieces import Marked, die_at_first, half, noise, threads, unpicklable, wait_for
+from tests.polyworld.executors.pieces import Marked, die_at_first, half, noise, threads, wait_for
 
 KEYS = tuple(f"case {k}" for k in range(5))
 
@@ -35,16 +35,6 @@ def test_a_scheduler_gives_the_bytes_that_this_process_gives(in_process: DaskExe
     assert pickle.dumps(here) == pickle.dumps(there)
     again = results(in_process.run(noise, {KEYS[2]: KEYS[2]}))
     assert again[KEYS[2]].tobytes() == here[KEYS[2]].tobytes()
-
-
-def test_a_piece_that_raises_is_reported_and_the_rest_goes_on(in_process: DaskExecutor) -> None:
-    found = dict(in_process.run(half, {str(k): k for k in range(4)}))
-    assert (found["0"], found["2"]) == (0.0, 1.0)
-    failure = found["3"]
-    assert isinstance(failure, Failure)
-    assert failure.error == "ValueError: 3 is odd"
-    assert "in half" in failure.traceback
-    assert "the result cannot be pickled" in str(dict(in_process.run(unpicklable, {"a": 1})))
 
 
 def test_functions_and_classes_of_the_script_that_was_started_serve(in_process: DaskExecutor) -> None:
