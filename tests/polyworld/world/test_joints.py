@@ -9,6 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from polyworld.edits.interventions import Move, SetParameter, branch
+from polyworld.solver.rollout import rollout
 from polyworld.world import Environment, World
 from polyworld.world.parameters import parameter_paths
 from polyworld.world.representations.joint import Ball, Fixed, Hinge, Slider, Spring
