@@ -10,8 +10,7 @@ import numpy as np
 
 from atw_mcp.perception.clip import Clip
 from atw_mcp.perception.colour_words import colour_name, colour_word
-from atw_mcp.perception.constraints import Seed
-from atw_mcp.perception.eye import EyeSettings
+from atw_mcp.perception.eye import EyeSettings, Seed
 from atw_mcp.perception.eye.colour_names import log_look
 from atw_mcp.perception.eye.finding import find_solids
 from atw_mcp.perception.follow_bodies import follow_bodies
@@ -108,7 +107,7 @@ def _seeds(
                 notes.append(f"{b.name} was not found: give a circle or an outline of it in a frame that shows it")
             continue
         hint, others = found[b.name].seed, found[b.name].others
-        points, frame = clip.filmed(np.asarray(hint.value), hint.frame), clip.numbers[hint.frame]
+        points, frame = clip.filmed(hint.points(), hint.frame), clip.numbers[hint.frame]
         if len(others):
             places = [points.mean(axis=0), *clip.filmed(others, hint.frame)]
             at = " or ".join(f"({u:.0f}, {v:.0f})" for u, v in places)
@@ -116,7 +115,7 @@ def _seeds(
                 f"{b.name} was not found: in frame {frame} it may be at {at}; give a circle or an outline of it"
             )
             continue
-        seeds.append(Seed(b.name, "outline", frame, tuple(points.ravel().round(2).tolist())))
+        seeds.append(Seed.outlined(b.name, frame, points.round(2)))
         if not found[b.name].on_plane:
             notes.append(
                 f"{b.name} {OFF_PLANE}, or turned otherwise: it leaves that, or its size, the camera or the plane is "

@@ -108,9 +108,9 @@ def judge(name: str, shapes: list[Shape], frames: np.ndarray, random: np.random.
     for i, (places, outline, _) in enumerate(shapes):
         inside = ((places > 0) & (places < frames.shape[2:0:-1])).all(axis=1)
         k = int(random.choice(np.flatnonzero(inside)))
-        seeds.append(Seed(f"body{i}", "outline", k, outline + places[k] + random.normal(0, 0.7, 2)))
+        seeds.append(Seed.outlined(f"body{i}", k, outline + places[k] + random.normal(0, 0.7, 2)))
     began = time.process_time()
-    bodies: list[Body] = [outline_body(s.body, s) for s in seeds]
+    bodies: list[Body] = [outline_body(s.object, s) for s in seeds]
     tracks, _ = observe(frames, bodies, seeds)
     seconds = time.process_time() - began
     errors, wrong, lost = [], 0, 0

@@ -96,11 +96,11 @@ def _held(scene: Scene, seeds: Sequence[Seed]) -> list[dict[int, Floats]]:
     names = [b.name for b in scene.bodies]
     held: list[dict[int, Floats]] = [{} for _ in names]
     for seed in seeds:
-        if seed.body not in names:
-            raise ValueError(f"a seed names {seed.body!r}, but the bodies are {', '.join(names)}")
-        i = names.index(seed.body)
+        if seed.object not in names:
+            raise ValueError(f"a seed names {seed.object!r}, but the bodies are {', '.join(names)}")
+        i = names.index(seed.object)
         if not 0 <= seed.frame < scene.film.count:
-            raise ValueError(f"the seed of {seed.body} needs a frame of 0..{scene.film.count - 1}")
+            raise ValueError(f"the seed of {seed.object} needs a frame of 0..{scene.film.count - 1}")
         held[i][seed.frame] = seed_pose(scene.bodies[i], seed)
     return held
 
