@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from atw_mcp.perception.clip import Clip
-from atw_mcp.perception.colour_words import colour_name, colour_word
 from atw_mcp.perception.eye import EyeSettings, Seed
-from atw_mcp.perception.eye.colour_names import log_look
+from atw_mcp.perception.eye.colour_names import colour_name, colour_word, log_look
 from atw_mcp.perception.eye.finding import find_solids
 from atw_mcp.perception.follow_bodies import follow_bodies
 from atw_mcp.perception.known_scene import OFF_PLANE, KnownScene
