@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from atw_mcp.perception.follow_bodies import Followed, follow_bodies
 from atw_mcp.perception.masks import Mask, RunLengthMask
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
 from atw_mcp.perception.track_edits import TrackEdits
-from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Progress, load
+from atw_mcp.perception.video import Cancelled, Frames, Progress, load, report
 from polyworld.world.camera import Camera
 
 
@@ -41,11 +42,7 @@ def correct(
     """
     if not corrections:
         return observation
-
-    def stop() -> None:
-        if cancelled is not None and cancelled():
-            raise PerceptionCancelled("correction cancelled")
-
+    stop = partial(report, None, cancelled)
     stop()
     stride = observation.frames[1] - observation.frames[0] if len(observation.frames) > 1 else 1
     info, frames = load(video_path, stride=stride)

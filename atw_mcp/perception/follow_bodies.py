@@ -21,7 +21,7 @@ from atw_mcp.perception.lying import has_place, lying
 from atw_mcp.perception.masks import Mask, RunLengthMask
 from atw_mcp.perception.observation import ObservationError, ObservedObject, Status
 from atw_mcp.perception.places import places_of
-from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
+from atw_mcp.perception.video import Cancelled, Progress, report
 
 UNSURE = 0.35  # confidence below which a body is not in full view, and its frames are named
 PASSES = 6  # times that the eye goes through all frames: forward, backward, and its rounds
@@ -55,10 +55,8 @@ def follow_bodies(
     def tick() -> None:
         nonlocal ticks
         ticks += 1
-        if cancelled is not None and cancelled():
-            raise PerceptionCancelled("observation cancelled")
-        if progress is not None and ticks % 8 == 0:
-            progress(min(ticks / (PASSES * len(clip.numbers)), 0.95), f"following {', '.join(names)}")
+        doing = "" if ticks % 8 else f"following {', '.join(names)}"
+        report(progress, cancelled, min(ticks / (PASSES * len(clip.numbers)), 0.95), doing)
 
     hints = [_hint(clip, s) for s in seeds]
     bodies: list[Body] = []

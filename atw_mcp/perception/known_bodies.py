@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,8 @@ from atw_mcp.perception.eye.colour_names import colour_name, colour_word, log_lo
 from atw_mcp.perception.eye.finding import find_solids
 from atw_mcp.perception.follow_bodies import follow_bodies
 from atw_mcp.perception.known_scene import OFF_PLANE, KnownScene
-from atw_mcp.perception.observation import ImageObservation, ObservationError
-from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress, load
+from atw_mcp.perception.observation import ImageObservation, ObservationError, check_camera
+from atw_mcp.perception.video import Cancelled, Progress, load, report
 
 NEAR = 2  # pixels around one that is pointed at, that show the body too
 
@@ -46,22 +47,14 @@ def observe_known(
     whose pixel is in a frame that is not looked at, VideoError for a file that cannot be read. Equal inputs give equal
     observations.
     """
-
-    def stop() -> None:
-        if cancelled is not None and cancelled():
-            raise PerceptionCancelled("observation cancelled")
-
+    stop = partial(report, None, cancelled)
     for body in bodies:
         if body.pixel is None and colour_word(body.colour or "") is None:
             raise ObservationError(
                 f"{body.name}: {body.colour!r} names no colour; names are such as red, dark grey, pink. Or give a pixel"
             )
     info, frames = load(path, stride=stride)
-    if (scene.camera.width, scene.camera.height) != (info.width, info.height):
-        raise ObservationError(
-            f"the camera is for images of {scene.camera.width} x {scene.camera.height}, the video has {info.width} x "
-            f"{info.height}: calibrate with the video's own size"
-        )
+    check_camera(scene.camera, info)
     clip = Clip.of(frames, stride, stop)
     seeds, aside, notes = _seeds(clip, bodies, scene, stop)
     scene = replace(scene, off_plane=aside)

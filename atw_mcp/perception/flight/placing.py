@@ -16,7 +16,7 @@ from atw_mcp.perception.flight.surfaces import Surface, is_covered, surfaces_of
 from atw_mcp.perception.lying import lies_better
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.tracks import misfits_at_rest, world_tracks
-from atw_mcp.perception.video import Cancelled, PerceptionCancelled
+from atw_mcp.perception.video import Cancelled, report
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
@@ -61,8 +61,7 @@ def with_flights(
     surfaces = surfaces_of(about.floor, fixtures)
     motions: dict[str, list[dict[str, Any]]] = {}
     for name, solid in solids.items():
-        if cancelled is not None and cancelled():
-            raise PerceptionCancelled("cancelled")
+        report(None, cancelled)
         found = sightings(seen, name, labels, camera, solid, times, SETTINGS.sightings)
         if found is None or name not in tracks.names:
             continue
