@@ -55,14 +55,13 @@ def with_flights(
     the outline, as they do on the floor. Frames within such a stretch that do not show all of a body have no place.
     Raises PerceptionCancelled.
     """
-    labels = [seen.label_image(frame) for frame in seen.frames]
     times = tracks.times
     fixtures = {name: np.array(corners) for name, corners in about.fixtures.items()}
     surfaces = surfaces_of(about.floor, fixtures)
     motions: dict[str, list[dict[str, Any]]] = {}
     for name, solid in solids.items():
         report(None, cancelled)
-        found = sightings(seen, name, labels, camera, solid, times, SETTINGS.sightings)
+        found = sightings(seen, name, camera, solid, times, SETTINGS.sightings)
         if found is None or name not in tracks.names:
             continue
         lift = _lift(tracks, name, solid)
