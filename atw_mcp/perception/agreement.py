@@ -88,10 +88,10 @@ def agreement(first: ImageObservation, second: ImageObservation, images: Frames)
     both = sorted(matched.items()) + [(i, None) for i in range(len(first.objects)) if i not in matched] + rest
     shown = images[rows[0]]
     found = []
-    for i, j in both:
-        items = (None if i is None else first.objects[i], None if j is None else second.objects[j])
-        if i is not None and j is not None:
-            iou = ious[i, j]
+    for k, m in both:
+        items = (None if k is None else first.objects[k], None if m is None else second.objects[m])
+        if k is not None and m is not None:
+            iou = ious[k, m]
         else:  # seen by one alone
             seen = next((item.masks, own) for item, own in zip(items, rows, strict=True) if item is not None)
             iou = np.array([np.nan if seen[0][t] is None else 0.0 for t in seen[1]])
