@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from atw_mcp.looking.overlay import DARK, OBSERVED, Canvas, Color, Crop, Image
 from atw_mcp.perception.camera_motion import as_filmed, as_stabilised
 from atw_mcp.perception.clip import Clip
-from atw_mcp.perception.constraints import Seed
-from atw_mcp.perception.eye import EyeSettings, background_scene
+from atw_mcp.perception.eye import EyeSettings, Seed, background_scene
 from atw_mcp.perception.masks import Mask
 from atw_mcp.perception.observation import ImageObservation, ObservedObject
 from atw_mcp.perception.video import load

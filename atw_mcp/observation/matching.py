@@ -11,29 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from atw_mcp.perception.eye.colour_names import WORDS, chances, colour_word
 from atw_mcp.perception.naming import SYNONYMS
-from atw_mcp.perception.observation import ObservedObject
+from atw_mcp.perception.observation import Cue, ObservedObject
 from atw_mcp.perception.sizes import SolidEstimate
 from polyworld.world.camera import Camera
 from polyworld.world.geometry import equivalent_radius
 from polyworld.world.shapes import BodyShape, Box, Capsule, Cylinder, Sphere
 
-COLOURS = ("red", "orange", "brown", "yellow", "green", "cyan", "blue", "purple", "gray", "black", "white")
-NEAR = {  # as what a colour may be seen in coloured light, in shade, or near the edge of its name
-    "red": ("brown", "orange", "purple", "gray"), "orange": ("red", "brown", "yellow", "gray"),
-    "brown": ("red", "orange", "yellow", "gray", "black"), "yellow": ("orange", "brown", "green", "gray"),
-    "green": ("yellow", "cyan", "gray", "black"), "cyan": ("green", "blue", "gray"),
-    "blue": ("cyan", "purple", "gray", "black"), "purple": ("blue", "red", "gray", "black"),
-    "gray": ("black", "white", "blue", "brown", "cyan"), "black": ("gray", "blue", "brown"), "white": ("gray",),
-}  # fmt: skip
-SHADES = {
-    "gold": "yellow", "lime": "green", "navy": "blue", "olive": "green", "pink": "red", "silver": "gray",
-    "teal": "cyan",
-}  # fmt: skip
 KINDS = ("sphere", "cylinder", "cube")
 MATERIALS = ("metal", "rubber")
-NAMED_CLEAR, NAMED_UNCLEAR = 0.9, 0.5  # probabilities that a clear, or a doubtful, look is named rightly
-NAMED_FAR = 0.005  # probability that it gets a name that is far off
+NAMED_CLEAR = 0.9  # probability that a clear look is named rightly
 SIZE_SIGMA = 0.15  # of ln(size): blurred edges 0.1, an outline that turns with the body 0.1
 SIZE_SPREAD = 0.5  # of ln(size) among the bodies of one scene
 SLIPS = 0.05  # share of cues that mislead whatever they say: a shadow in the mask, a hint that is wrong
@@ -57,9 +45,7 @@ class Known:
     @property
     def colour(self) -> str | None:
         """The colour as perception names it, from the hint or else from the name."""
-        words = _words(self.name if self.color is None else self.color)
-        found = [SHADES.get(word, word) for word in words if SHADES.get(word, word) in COLOURS]
-        return found[-1] if found else None
+        return colour_word(self.name if self.color is None else self.color)
 
     @property
     def stuff(self) -> str | None:
@@ -190,8 +176,8 @@ def _best(gain: NDArray[np.float64]) -> tuple[float, list[tuple[int, int]]]:
 
 def _cues(item: Known, track: ObservedObject, estimate: SolidEstimate | None, elevation: float) -> dict[str, float]:
     found = {}
-    if item.colour is not None and track.colour.name in COLOURS:
-        found["colour"] = _colour(item.colour, track.colour.name, track.colour.confidence)
+    if item.colour is not None and track.colour.measured:
+        found["colour"] = _colour(item.colour, track.colour)
     if item.stuff is not None and track.material.name in MATERIALS:
         found["material"] = _material(track.material.name == item.stuff, track.material.confidence)
     if item.kind is not None and estimate is not None:
@@ -204,16 +190,9 @@ def _cues(item: Known, track: ObservedObject, estimate: SolidEstimate | None, el
     return found
 
 
-def _colour(hint: str, name: str, confidence: float) -> float:
-    near = NEAR[hint]
-    same = NAMED_UNCLEAR + confidence * (NAMED_CLEAR - NAMED_UNCLEAR)
-    if name == hint:
-        share = same
-    elif name in near:
-        share = (1.0 - same - NAMED_FAR) / len(near)
-    else:
-        share = NAMED_FAR / (len(COLOURS) - 1 - len(near))
-    return float(np.log(share * len(COLOURS)))
+def _colour(word: str, seen: Cue) -> float:
+    share = chances(np.array([[round(seen.measured[channel]) for channel in "bgr"]], np.uint8))[word]
+    return float(np.log((1.0 - SLIPS) * share * len(WORDS) + SLIPS))
 
 
 def _material(same: bool, confidence: float) -> float:
@@ -282,7 +261,7 @@ def apparent_radius(shape: BodyShape, elevation: float) -> float:
 
 def _notes(item: Known, track: ObservedObject, estimate: SolidEstimate | None, ratio: float | None) -> list[str]:
     notes = []
-    if item.colour is not None and track.colour.name in COLOURS and track.colour.name != item.colour:
+    if item.colour not in (None, track.colour.name.replace("gray", "grey")) and track.colour.measured:
         notes.append(f"known as {item.colour}, seen as {track.colour.name} ({track.colour.confidence:.2f})")
     if ratio is not None and not 1.0 / OFF_SIZE < ratio < OFF_SIZE:
         notes.append(f"its outline is {ratio:.2g} times as large as its known size")

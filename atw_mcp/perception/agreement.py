@@ -84,24 +84,21 @@ def agreement(first: ImageObservation, second: ImageObservation, images: Frames)
     named = np.array([[one.name == other.name for other in second.objects] for one in first.objects])
     pairs = list(zip(*linear_sum_assignment(-mean - 2.0 * named), strict=True)) if mean.size else []
     matched = {int(i): int(j) for i, j in pairs if named[i, j] or mean[i, j] >= SAME}
+    rest = [(None, j) for j in range(len(second.objects)) if j not in matched.values()]
+    both = sorted(matched.items()) + [(i, None) for i in range(len(first.objects)) if i not in matched] + rest
     shown = images[rows[0]]
     found = []
-    for i, one in enumerate(first.objects):
-        if i in matched:
-            other = second.objects[matched[i]]
-            either = float(np.isfinite(ious[i, matched[i]]).sum())
-            merit = (_merit(one, rows[0], shown, either), _merit(other, rows[1], shown, either))
-            found.append(ObjectAgreement(one.name, other.name, frames, ious[i, matched[i]], merit))
-    for i, one in enumerate(first.objects):
-        if i not in matched:
-            alone = _alone(one, rows[0])
-            merit = (_merit(one, rows[0], shown, float(np.isfinite(alone).sum())), 0.0)
-            found.append(ObjectAgreement(one.name, None, frames, alone, merit))
-    for j, other in enumerate(second.objects):
-        if j not in matched.values():
-            alone = _alone(other, rows[1])
-            merit = (0.0, _merit(other, rows[1], shown, float(np.isfinite(alone).sum())))
-            found.append(ObjectAgreement(None, other.name, frames, alone, merit))
+    for k, m in both:
+        items = (None if k is None else first.objects[k], None if m is None else second.objects[m])
+        if k is not None and m is not None:
+            iou = ious[k, m]
+        else:  # seen by one alone
+            seen = next((item.masks, own) for item, own in zip(items, rows, strict=True) if item is not None)
+            iou = np.array([np.nan if seen[0][t] is None else 0.0 for t in seen[1]])
+        either = float(np.isfinite(iou).sum())
+        merits = [0.0 if x is None else _merit(x, own, shown, either) for x, own in zip(items, rows, strict=True)]
+        names = [None if x is None else x.name for x in items]
+        found.append(ObjectAgreement(names[0], names[1], frames, iou, (merits[0], merits[1])))
     return tuple(found)
 
 
@@ -151,10 +148,6 @@ def by_agreement(
 def _merit(item: ObservedObject, rows: list[int], images: Frames, either: float) -> float:
     share = sum(item.masks[t] is not None for t in rows) / max(either, 1.0)
     return _steadiness(item, rows) * share * _distinctness(item, rows, images)
-
-
-def _alone(item: ObservedObject, rows: list[int]) -> Floats:
-    return np.array([np.nan if item.masks[t] is None else 0.0 for t in rows])
 
 
 def _iou(one: RunLengthMask | None, other: RunLengthMask | None) -> float:

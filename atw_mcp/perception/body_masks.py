@@ -10,7 +10,7 @@ import numpy as np
 from atw_mcp.perception import eye
 from atw_mcp.perception.camera_motion import as_filmed
 from atw_mcp.perception.clip import Clip, Floats
-from atw_mcp.perception.constraints import Constraint, Exclusion, Seed
+from atw_mcp.perception.constraints import Constraint, Exclusion
 from atw_mcp.perception.describing import LEAST_PIXELS
 from atw_mcp.perception.eye.likelihood import Scene
 from atw_mcp.perception.eye.pixels import filled
@@ -28,9 +28,9 @@ def masks_of(
     given = {
         (c.object, clip.row(c.frame)): c.value.decode()
         for c in constraints
-        if isinstance(c, Seed) and isinstance(c.value, RunLengthMask)
+        if isinstance(c, eye.Seed) and isinstance(c.value, RunLengthMask)
     }
-    outlined = {c.object for c in constraints if isinstance(c, Seed)}  # as wholes, whoever or whatever found them
+    outlined = {c.object for c in constraints if isinstance(c, eye.Seed)}  # as wholes, whoever or whatever found them
     masks: dict[str, list[Mask]] = {t.body.name: [] for t in tracks}
     for k in range(len(clip.numbers)):
         taken = np.zeros(shape, bool)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import cv2
@@ -108,7 +108,6 @@ def calibrate_from_homography(
     if abs(np.linalg.det(matrix)) < 1e-12 * np.linalg.norm(matrix) ** 3:
         raise CalibrationError("the homography is singular: it maps the plane to a line")
     width, height = _size(image_size)
-    known = None if intrinsics is None else _intrinsics(intrinsics)
     u, v = np.meshgrid(np.linspace(0.05, 0.95, 7) * width, np.linspace(0.05, 0.95, 7) * height)
     pixels = np.stack([u.ravel(), v.ravel()], axis=1)
     plane = np.concatenate([pixels, np.ones((len(pixels), 1))], axis=1) @ np.linalg.inv(matrix).T
@@ -122,14 +121,8 @@ def calibrate_from_homography(
     if len(points) < 6:
         raise CalibrationError("the plane is hardly visible in this image: check the homography and the image size")
     world = np.column_stack([points, np.full(len(points), plane_z)])
-    if known is not None:
-        camera = _posed(world, pixels, width, height, known)
-    else:
-        camera = _calibrated(world, pixels, width, height, _focal_of_homography(matrix, width, height))
-    errors = _errors(camera, world, pixels)
-    return Calibration(
-        camera, tuple(errors), _rms(errors), "homography of a plane, refined", _cautions(camera, errors, 9, 4, known)
-    )
+    found = calibrate_from_points(world, pixels, image_size, intrinsics)
+    return replace(found, method="homography of a plane, refined")
 
 
 def calibrate_from_known_length(

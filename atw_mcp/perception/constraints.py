@@ -7,28 +7,10 @@ says that an object does not move from one frame to another.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal
+from typing import Any
 
+from atw_mcp.perception.eye.seeds import Seed
 from atw_mcp.perception.masks import RunLengthMask
-
-Position = tuple[float, float, float]
-Numbers = tuple[float, ...]
-SeedKind = Literal["outline", "circle", "box", "centre", "mask"]
-
-
-@dataclass(frozen=True)
-class Seed:
-    """Hint at where an object is in a frame, in that frame's own pixels.
-
-    value: an outline's points (u, v, u, v, ...), circle (u, v, radius), box (left, top, right, bottom), centre (u, v)
-    [px] or a mask. position: where its centre is in the world then [m], where that was stated.
-    """
-
-    object: str
-    kind: SeedKind
-    frame: int
-    value: Numbers | RunLengthMask
-    position: Position | None = None
 
 
 @dataclass(frozen=True)

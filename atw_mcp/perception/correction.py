@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from atw_mcp.perception.body_masks import excluded
 from atw_mcp.perception.clip import Clip
-from atw_mcp.perception.constraints import Constraint, Exclusion, Rest, Seed, SeedKind, ordered
-from atw_mcp.perception.corrections import Correction, Exclude, Outline, Place, Stay
+from atw_mcp.perception.constraints import Constraint, Exclusion, Rest, ordered
+from atw_mcp.perception.corrections import Correction
 from atw_mcp.perception.describing import describe
+from atw_mcp.perception.eye.seeds import Seed
 from atw_mcp.perception.follow_bodies import Followed, follow_bodies
 from atw_mcp.perception.masks import Mask, RunLengthMask
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
 from atw_mcp.perception.track_edits import TrackEdits
-from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Progress, load
+from atw_mcp.perception.video import Cancelled, Frames, Progress, load, report
 from polyworld.world.camera import Camera
-
-SHAPES = ("outline", "circle", "box", "centre", "mask")
 
 
 def correct(
@@ -42,23 +42,19 @@ def correct(
     """
     if not corrections:
         return observation
-
-    def stop() -> None:
-        if cancelled is not None and cancelled():
-            raise PerceptionCancelled("correction cancelled")
-
+    stop = partial(report, None, cancelled)
     stop()
     stride = observation.frames[1] - observation.frames[0] if len(observation.frames) > 1 else 1
     info, frames = load(video_path, stride=stride)
     if info.sha256 != observation.video.sha256:
         raise ObservationError(f"{info.path} is not the video of this observation ({observation.video.path})")
-    edits = TrackEdits(observation)
+    edits = TrackEdits(observation, camera)
     for correction in corrections:
         edits.apply(correction)
     edits.check()
-    constraints = ordered(_constraints(edits, camera))
+    constraints = ordered(_constraints(edits))
     _check(constraints, edits)
-    again = edits.again or len(edits.statements) > 0
+    again = edits.again or len(edits.said) > 0
     seeded = any(isinstance(c, Seed) for c in constraints)
     followed = Followed({}, [])
     if again and seeded:
@@ -101,15 +97,14 @@ def _objects(
     return [made[name] for name in edits.masks if name in made]
 
 
-def _constraints(edits: TrackEdits, camera: Camera | None) -> list[Constraint]:
+def _constraints(edits: TrackEdits) -> list[Constraint]:
     """All constraints that hold: the earlier ones but for seeds that are given again, and the new ones."""
-    new = [_constraint(edits, statement, camera) for statement in edits.statements]
-    given = [(c.object, c.frame) for c in new if isinstance(c, Seed)]
+    given = [(c.object, c.frame) for c in edits.said if isinstance(c, Seed)]
     twice = sorted({f"{name} in frame {frame}" for name, frame in given if given.count((name, frame)) > 1})
     if twice:
         raise ObservationError(f"two seeds of {', '.join(twice)}: give one of each object in a frame")
     kept = [c for c in edits.constraints if not (isinstance(c, Seed) and (c.object, c.frame) in given)]
-    edits.constraints = [*kept, *[c for c in new if c not in kept]]
+    edits.constraints = [*kept, *[c for c in edits.said if c not in kept]]
     for name in {name for name, _ in given}:
         _seed_shape(edits, name)
     return edits.constraints
@@ -129,77 +124,6 @@ def _seed_shape(edits: TrackEdits, name: str) -> None:
         stored = described.masks[rows[0]]
         assert stored is not None
         edits.constraints.append(Seed(name, "mask", edits.observation.frames[rows[0]], stored))
-
-
-def _constraint(edits: TrackEdits, said: Outline | Place | Exclude | Stay, camera: Camera | None) -> Constraint:
-    observation = edits.observation
-    observation.row(said.frame)
-    width, height = observation.video.width, observation.video.height
-    if isinstance(said, Outline):
-        return _seed(said, width, height)
-    if isinstance(said, Place):
-        if camera is None:
-            raise ObservationError("a place in the world needs a camera: CalibrateCamera first")
-        u, v = (float(x) for x in camera.project(np.array([said.position]))[0])
-        if not (0 <= u < width and 0 <= v < height):
-            raise ObservationError(
-                f"{said.object} in frame {said.frame}: the place {list(said.position)} is seen at pixel "
-                f"({u:.0f}, {v:.0f}), outside the image of {width} x {height}"
-            )
-        return Seed(said.object, "centre", said.frame, (u, v), said.position)
-    last = said.frame if said.last_frame is None else said.last_frame
-    observation.row(last)
-    if last < said.frame:
-        raise ObservationError(f"last_frame {last} is before frame {said.frame}")
-    if isinstance(said, Stay):
-        return Rest(said.object, said.frame, last)
-    if said.box is not None and said.mask is not None:
-        raise ObservationError("give box or mask, not both: a region is one of them")
-    mask = said.mask
-    if said.box is not None:
-        left, top, wide, tall = said.box
-        region = np.zeros((height, width), dtype=bool)
-        region[max(round(top), 0) : max(round(top + tall), 0), max(round(left), 0) : max(round(left + wide), 0)] = True
-        if not region.any():
-            raise ObservationError(f"the box {list(said.box)} lies outside the image of {width} x {height}")
-        mask = RunLengthMask.encode(region)
-    if mask is not None and (mask.height, mask.width) != (height, width):
-        raise ObservationError(f"the mask is {mask.width} x {mask.height}, the image {width} x {height}")
-    if mask is None and said.object is None:
-        raise ObservationError("exclude needs an object, a region (box or mask), or both")
-    return Exclusion(said.frame, last, said.object, mask)
-
-
-def _seed(said: Outline, width: int, height: int) -> Seed:
-    """Return the seed of a statement; raises ObservationError where it has not one shape, or one outside the image."""
-    given = [key for key in SHAPES if getattr(said, key) is not None]
-    where = f"{said.object} in frame {said.frame}"
-    if len(given) != 1:
-        raise ObservationError(f"{where}: give one of {', '.join(SHAPES)}, not {', '.join(given) or 'none'}")
-    if said.mask is not None:
-        return Seed(said.object, "mask", said.frame, said.mask)
-    kind: SeedKind
-    value: tuple[float, ...]
-    if said.outline is not None:
-        if len(said.outline) < 3:
-            raise ObservationError(f"{where}: an outline has three points or more")
-        kind, value, points = "outline", tuple(x for point in said.outline for x in point), np.array(said.outline)
-    elif said.circle is not None:
-        kind, value, points = "circle", said.circle, np.array([said.circle[:2]])
-        if said.circle[2] < 1:
-            raise ObservationError(f"{where}: a circle has a radius of 1 px or more")
-    elif said.box is not None:
-        left, top, wide, tall = said.box
-        if wide < 3 or tall < 3:
-            raise ObservationError(f"{where}: a box is left, top, width, height of at least 3 px")
-        kind, value = "box", (left, top, left + wide, top + tall)
-        points = np.array([[left, top], [left + wide, top + tall]])
-    else:
-        assert said.centre is not None
-        kind, value, points = "centre", said.centre, np.array([said.centre])
-    if (points.max(axis=0) < 0).any() or (points.min(axis=0) >= [width, height]).any():
-        raise ObservationError(f"{where}: the {kind} lies outside the image of {width} x {height}")
-    return Seed(said.object, kind, said.frame, value)
 
 
 def _check(constraints: Sequence[Constraint], edits: TrackEdits) -> None:
@@ -227,9 +151,7 @@ def _lies_in(seed: Seed, region: Mask) -> bool:
     """Whether the middle of a seed lies in a region, or any pixel of a mask."""
     if isinstance(seed.value, RunLengthMask):
         return bool((seed.value.decode() & region).any())
-    assert isinstance(seed.value, tuple)
-    flat = np.array(seed.value[:2] if seed.kind == "circle" else seed.value).reshape(-1, 2)
-    column, row = flat.mean(axis=0).round().astype(int)
+    column, row = seed.points().mean(axis=0).round().astype(int)
     inside = 0 <= row < region.shape[0] and 0 <= column < region.shape[1]
     return bool(inside and region[row, column])
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import colorsys
 from functools import lru_cache
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from atw_mcp.perception.eye.colour_names import chances
 from atw_mcp.perception.masks import Mask, window
 from atw_mcp.perception.masks import solidity as solidity_of
 from atw_mcp.perception.observation import Cue
@@ -16,39 +16,25 @@ from atw_mcp.perception.video import Frames
 
 Floats = NDArray[np.float64]
 
-# Hue in degrees at which one name passes into the next, going round from red.
-HUES = ((14, "red"), (46, "brown"), (70, "yellow"), (158, "green"), (203, "cyan"), (258, "blue"), (335, "purple"))
 UNKNOWN = Cue("unknown", 0.0, {})
 
 
-def colour_cue(samples: list[tuple[Frames, Mask]], white: float) -> Cue:
-    """Name of the typical colour under masks; `white` is the luminance of the bright background [0..255].
+def colour_cue(samples: list[tuple[Frames, Mask]]) -> Cue:
+    """Word for the typical colour under masks, by a survey of names; sure where no other word suits it as well.
 
     Highlights and the darkest parts, where hue is mostly noise or reflection, are left out.
     """
-    pixels = np.concatenate([image[mask] for image, mask in samples]).astype(float)[:, ::-1]
+    pixels = np.concatenate([image[mask] for image, mask in samples])
     if len(pixels) < 5:
         return UNKNOWN
-    luminance = pixels @ np.array([0.299, 0.587, 0.114])
+    luminance = pixels @ np.array([0.114, 0.587, 0.299])
     low, high = np.percentile(luminance, [25, 90])
-    middle = pixels[(luminance >= low) & (luminance <= high)]
-    r, g, b = np.median(middle, axis=0)
-    hue, saturation, _ = colorsys.rgb_to_hsv(r / 255, g / 255, b / 255)
-    degrees = 360 * hue
-    level = float(0.299 * r + 0.587 * g + 0.114 * b) / max(white, 40.0)
-    measured = {"r": float(r), "g": float(g), "b": float(b), "hue": degrees, "saturation": saturation, "level": level}
-    spread = max(r, g, b) - min(r, g, b)
-    if saturation < 0.16 or spread < 12:
-        name = "black" if level < 0.22 or max(r, g, b) < 45 else "white" if level > 1.15 else "gray"
-        margin = min(abs(saturation - 0.16) / 0.1, 1.0)
-        return Cue(name, 0.5 + 0.5 * margin, measured)
-    edges = [edge for edge, _ in HUES]
-    index = int(np.searchsorted(edges, degrees))
-    name = HUES[index % len(HUES)][1]
-    if name == "brown" and level > 0.85 and saturation > 0.5:
-        name = "orange"
-    nearest = min(min(abs(degrees - e), 360 - abs(degrees - e)) for e in edges)
-    return Cue(name, float(min(1.0, 0.5 + 0.5 * nearest / 15, 0.4 + saturation * 2)), measured)
+    blue, green, red = np.median(pixels[(luminance >= low) & (luminance <= high)], axis=0)
+    likely = chances(np.array([[blue, green, red]]).astype(np.uint8))
+    second, best = sorted(likely, key=lambda word: likely[word])[-2:]
+    sure = likely[best] / (likely[best] + likely[second])
+    measured = {"r": float(red), "g": float(green), "b": float(blue)}
+    return Cue("gray" if best == "grey" else best, sure, measured)
 
 
 def material_cue(samples: list[tuple[Frames, Mask]]) -> Cue:

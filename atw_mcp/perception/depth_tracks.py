@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception.import_images import DepthMaps
-from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
-from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
+from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject, check_camera
+from atw_mcp.perception.tracks import nowhere
+from atw_mcp.perception.video import Cancelled, Progress, report
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world.camera import Camera
 from polyworld.world.geometry import hull, mass_properties
@@ -41,11 +43,8 @@ def depth_tracks(
     object is truncated, or occluded by less than half, count with lower confidence. Raises ObservationError
     where depth, camera and video do not belong together.
     """
+    check_camera(camera, observation.video)
     size = (observation.video.width, observation.video.height)
-    if (camera.width, camera.height) != size:
-        raise ObservationError(
-            f"the camera is for {camera.width} x {camera.height}, the video has {size[0]} x {size[1]}"
-        )
     if depth.depth.shape[1:] != (size[1], size[0]):
         height, width = depth.depth.shape[1:]
         raise ObservationError(f"the depth maps are {width} x {height}, the video is {size[0]} x {size[1]}")
@@ -57,10 +56,7 @@ def depth_tracks(
     positions, sigma = np.full((count, n, 3), np.nan), np.full((count, n), np.nan)
     confidence = np.zeros((count, n))
     for column, observed in enumerate(observation.objects):
-        if cancelled is not None and cancelled():
-            raise PerceptionCancelled("cancelled")
-        if progress is not None:
-            progress(column / n, f"positions of {observed.name}")
+        report(progress, cancelled, column / n, f"positions of {observed.name}")
         surfaces = {
             t: _surface(observed, t, depth.depth[rows[frame]], camera)
             for t, frame in enumerate(observation.frames)
@@ -83,18 +79,9 @@ def depth_tracks(
             whole = 1.0 if observed.status[t] == "visible" else 0.5
             confidence[t, column] = round(float(observed.confidence[t]) * share * whole, 4)
     known = np.isfinite(positions).all(axis=2)
-    tracks = ObservedTracks(
-        names=observation.names,
-        frames=np.asarray(observation.frames, dtype=np.int64),
-        seconds_per_frame=float(seconds_per_frame),
-        clock=observation.video.moments(observation.frames),
-        positions=positions,
-        position_sigma=sigma,
-        orientations=np.full((count, n, 4), np.nan),
-        confidence=np.where(known, confidence, 0.0),
-        orientation_confidence=np.zeros((count, n)),
-        symmetry=tuple(0 for _ in range(n)),
-    )
+    sure = np.where(known, confidence, 0.0)
+    tracks = nowhere(observation, seconds_per_frame)
+    tracks = replace(tracks, positions=positions, position_sigma=sigma, confidence=sure)
     return tracks, chosen
 
 

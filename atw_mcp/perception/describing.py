@@ -15,8 +15,6 @@ from atw_mcp.perception.video import Frames
 
 CUE_SAMPLES = 12  # frames looked at for colour, material and shape
 LEAST_PIXELS = 8  # of a mask
-WHITE = 80.0  # percentile of luminance that a bright background has
-LUMINANCE = np.array([0.114, 0.587, 0.299], np.float32)  # of BGR levels, as cv2.cvtColor weighs them
 
 
 def describe(
@@ -30,19 +28,18 @@ def describe(
     clarity (T,): how surely pixels are distinguished from other objects' (0..1), default 1. only: names of those to
     describe.
     """
-    white = float(np.percentile(frames[0].astype(np.float32) @ LUMINANCE, WHITE))
     apart = dict(zip(masks, _standing_apart(list(masks.values())), strict=True))
     found = {}
     for name in masks if only is None else only:
         sure = np.ones(len(frames)) if clarity is None else clarity[name]
-        made = _described(name, masks[name], frames, sure, apart[name], white)
+        made = _described(name, masks[name], frames, sure, apart[name])
         if made is not None:
             found[name] = made
     return found
 
 
 def _described(
-    name: str, masks: list[Mask], frames: Frames, clarity: NDArray[np.float64], alone: list[bool], white: float
+    name: str, masks: list[Mask], frames: Frames, clarity: NDArray[np.float64], alone: list[bool]
 ) -> ObservedObject | None:
     """Object of masks; alone (T,): whether its region touches no other object's."""
     count = len(masks)
@@ -72,7 +69,7 @@ def _described(
         else:
             status.append("visible")
             confidence[t] = 0.97 * clarity[t] * (1.0 if alone[t] else 0.95) * (0.5 + 0.5 * share)
-    colour, material, shape = _cues(masks, frames, clear, seen, area, white)
+    colour, material, shape = _cues(masks, frames, clear, seen, area)
     return ObservedObject(
         name=name,
         colour=colour,
@@ -117,7 +114,7 @@ def _full_area(area: NDArray[np.int64], clear: list[int], count: int) -> NDArray
 
 
 def _cues(
-    masks: list[Mask], frames: Frames, clear: list[int], seen: list[int], area: NDArray[np.int64], white: float
+    masks: list[Mask], frames: Frames, clear: list[int], seen: list[int], area: NDArray[np.int64]
 ) -> tuple[Cue, Cue, Cue]:
     """Colour, material and shape, from the clearest frames."""
     chosen = clear or sorted(seen, key=lambda t: -int(area[t]))[:CUE_SAMPLES]
@@ -127,4 +124,4 @@ def _cues(
     for t in picks:
         inner = cv2.erode(masks[t].astype(np.uint8), disc, borderValue=0) > 0
         samples.append((frames[t], inner if inner.sum() >= 5 else masks[t]))
-    return colour_cue(samples, white), material_cue(samples), shape_cue([masks[t] for t in picks])
+    return colour_cue(samples), material_cue(samples), shape_cue([masks[t] for t in picks])

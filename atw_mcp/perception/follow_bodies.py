@@ -12,7 +12,7 @@ from atw_mcp.perception import eye
 from atw_mcp.perception.body_masks import masks_of
 from atw_mcp.perception.camera_motion import as_stabilised
 from atw_mcp.perception.clip import Clip, Floats
-from atw_mcp.perception.constraints import Constraint, Seed
+from atw_mcp.perception.constraints import Constraint
 from atw_mcp.perception.describing import LEAST_PIXELS, describe
 from atw_mcp.perception.eye.bodies import Body
 from atw_mcp.perception.eye.likelihood import Scene
@@ -21,7 +21,7 @@ from atw_mcp.perception.lying import has_place, lying
 from atw_mcp.perception.masks import Mask, RunLengthMask
 from atw_mcp.perception.observation import ObservationError, ObservedObject, Status
 from atw_mcp.perception.places import places_of
-from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
+from atw_mcp.perception.video import Cancelled, Progress, report
 
 UNSURE = 0.35  # confidence below which a body is not in full view, and its frames are named
 PASSES = 6  # times that the eye goes through all frames: forward, backward, and its rounds
@@ -46,7 +46,7 @@ def follow_bodies(
 
     Raises ObservationError for a seed that cannot be used, saying what can.
     """
-    seeds = [c for c in constraints if isinstance(c, Seed)]
+    seeds = [c for c in constraints if isinstance(c, eye.Seed)]
     names = list(dict.fromkeys(s.object for s in seeds))
     if not names:
         return Followed({}, [])
@@ -55,15 +55,13 @@ def follow_bodies(
     def tick() -> None:
         nonlocal ticks
         ticks += 1
-        if cancelled is not None and cancelled():
-            raise PerceptionCancelled("observation cancelled")
-        if progress is not None and ticks % 8 == 0:
-            progress(min(ticks / (PASSES * len(clip.numbers)), 0.95), f"following {', '.join(names)}")
+        doing = "" if ticks % 8 else f"following {', '.join(names)}"
+        report(progress, cancelled, min(ticks / (PASSES * len(clip.numbers)), 0.95), doing)
 
     hints = [_hint(clip, s) for s in seeds]
     bodies: list[Body] = []
     for name in names:
-        own = [h for h in hints if h.body == name]
+        own = [h for h in hints if h.object == name]
         on_plane = scene is not None and name in scene.solids and name not in scene.off_plane
         solid = scene.body(name) if scene is not None and on_plane else None
         if solid is None or not all(has_place(solid, h) for h in own):
@@ -82,7 +80,7 @@ def follow_bodies(
     return _observed(clip, tracks, found, constraints)
 
 
-def _hint(clip: Clip, seed: Seed) -> eye.Seed:
+def _hint(clip: Clip, seed: eye.Seed) -> eye.Seed:
     """Return a seed in steady pixels and rows."""
     row = clip.row(seed.frame)
     if isinstance(seed.value, RunLengthMask):
@@ -90,13 +88,9 @@ def _hint(clip: Clip, seed: Seed) -> eye.Seed:
         if mask.shape != clip.frames.shape[1:3]:
             height, width = clip.frames.shape[1:3]
             raise ObservationError(f"the mask is {mask.shape[1]} x {mask.shape[0]}, the image {width} x {height}")
-        return eye.Seed(
-            seed.object, "mask", row, mask if clip.motion is None else as_stabilised(mask, clip.motion[row])
-        )
-    rest = seed.value[2:] if seed.kind == "circle" else ()
-    places = clip.steadied(np.array(seed.value[: len(seed.value) - len(rest)]).reshape(-1, 2), row)
-    flat = (*places.ravel().tolist(), *rest)
-    return eye.Seed(seed.object, seed.kind, row, places if seed.kind == "outline" else flat)
+        steady = mask if clip.motion is None else as_stabilised(mask, clip.motion[row])
+        return replace(seed, frame=row, value=RunLengthMask.encode(steady))
+    return replace(seed, frame=row, value=seed.moved(clip.steadied(seed.points(), row)))
 
 
 def _outline(clip: Clip, name: str, hints: list[eye.Seed]) -> eye.Outline:
@@ -108,17 +102,19 @@ def _outline(clip: Clip, name: str, hints: list[eye.Seed]) -> eye.Outline:
         )
     first = shown[0]
     if first.kind == "box":
-        first = replace(first, kind="mask", value=_in_box(clip, first))
+        first = replace(first, kind="mask", value=RunLengthMask.encode(_in_box(clip, first)))
     return replace(eye.outline_body(name, first), scales=True)
 
 
 def _in_box(clip: Clip, hint: eye.Seed) -> Mask:
     """Mask (H, W) of what stands out in a box: GrabCut (Rother, Kolmogorov & Blake 2004)."""
     height, width = clip.frames.shape[1:3]
-    left, top, right, bottom = (round(float(v)) for v in np.asarray(hint.value))
+    left, top, right, bottom = (round(float(v)) for v in hint.points().ravel())
     left, top, right, bottom = max(left, 0), max(top, 0), min(right, width), min(bottom, height)
     if right - left < 3 or bottom - top < 3:
-        raise ObservationError(f"{hint.body}: the box is smaller than 3 px, or outside the image of {width} x {height}")
+        raise ObservationError(
+            f"{hint.object}: the box is smaller than 3 px, or outside the image of {width} x {height}"
+        )
     across, down = right - left, bottom - top
     x, y = max(left - across, 0), max(top - down, 0)
     window = clip.steady[hint.frame, y : bottom + down, x : right + across]
@@ -136,7 +132,7 @@ def _in_box(clip: Clip, hint: eye.Seed) -> Mask:
     own = (labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)
     if own.sum() < max(LEAST_PIXELS, 0.1 * across * down):
         raise ObservationError(
-            f"{hint.body}: nothing in its box of frame {clip.numbers[hint.frame]} stands out from around it: give an "
+            f"{hint.object}: nothing in its box of frame {clip.numbers[hint.frame]} stands out from around it: give an "
             "outline or a circle"
         )
     mask = np.zeros((height, width), bool)

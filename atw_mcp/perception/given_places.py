@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from atw_mcp.perception.constraints import Rest, Seed
+from atw_mcp.perception.constraints import Rest
+from atw_mcp.perception.eye import Seed
 from atw_mcp.perception.observation import ImageObservation, ObservedObject
 from polyworld.data.tracks import ObservedTracks
 

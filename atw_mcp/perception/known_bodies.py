@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from atw_mcp.perception.clip import Clip
-from atw_mcp.perception.colour_words import colour_name, colour_word
-from atw_mcp.perception.constraints import Seed
-from atw_mcp.perception.eye import EyeSettings
-from atw_mcp.perception.eye.colour_names import log_look
+from atw_mcp.perception.eye import EyeSettings, Seed
+from atw_mcp.perception.eye.colour_names import colour_name, colour_word, log_look
 from atw_mcp.perception.eye.finding import find_solids
 from atw_mcp.perception.follow_bodies import follow_bodies
 from atw_mcp.perception.known_scene import OFF_PLANE, KnownScene
-from atw_mcp.perception.observation import ImageObservation, ObservationError
-from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress, load
+from atw_mcp.perception.observation import ImageObservation, ObservationError, check_camera
+from atw_mcp.perception.video import Cancelled, Progress, load, report
 
 NEAR = 2  # pixels around one that is pointed at, that show the body too
 
@@ -48,22 +47,14 @@ def observe_known(
     whose pixel is in a frame that is not looked at, VideoError for a file that cannot be read. Equal inputs give equal
     observations.
     """
-
-    def stop() -> None:
-        if cancelled is not None and cancelled():
-            raise PerceptionCancelled("observation cancelled")
-
+    stop = partial(report, None, cancelled)
     for body in bodies:
         if body.pixel is None and colour_word(body.colour or "") is None:
             raise ObservationError(
                 f"{body.name}: {body.colour!r} names no colour; names are such as red, dark grey, pink. Or give a pixel"
             )
     info, frames = load(path, stride=stride)
-    if (scene.camera.width, scene.camera.height) != (info.width, info.height):
-        raise ObservationError(
-            f"the camera is for images of {scene.camera.width} x {scene.camera.height}, the video has {info.width} x "
-            f"{info.height}: calibrate with the video's own size"
-        )
+    check_camera(scene.camera, info)
     clip = Clip.of(frames, stride, stop)
     seeds, aside, notes = _seeds(clip, bodies, scene, stop)
     scene = replace(scene, off_plane=aside)
@@ -108,7 +99,7 @@ def _seeds(
                 notes.append(f"{b.name} was not found: give a circle or an outline of it in a frame that shows it")
             continue
         hint, others = found[b.name].seed, found[b.name].others
-        points, frame = clip.filmed(np.asarray(hint.value), hint.frame), clip.numbers[hint.frame]
+        points, frame = clip.filmed(hint.points(), hint.frame), clip.numbers[hint.frame]
         if len(others):
             places = [points.mean(axis=0), *clip.filmed(others, hint.frame)]
             at = " or ".join(f"({u:.0f}, {v:.0f})" for u, v in places)
@@ -116,7 +107,7 @@ def _seeds(
                 f"{b.name} was not found: in frame {frame} it may be at {at}; give a circle or an outline of it"
             )
             continue
-        seeds.append(Seed(b.name, "outline", frame, tuple(points.ravel().round(2).tolist())))
+        seeds.append(Seed.outlined(b.name, frame, points.round(2)))
         if not found[b.name].on_plane:
             notes.append(
                 f"{b.name} {OFF_PLANE}, or turned otherwise: it leaves that, or its size, the camera or the plane is "

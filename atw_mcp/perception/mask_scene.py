@@ -18,6 +18,9 @@ from atw_mcp.perception.observation import ImageObservation
 
 CLEARANCE = 2.5  # [px] from other objects and from the image's border within which an outline is not an object's own
 REACHES = (12.0, 8.0, 6.0, 6.0)  # [px] of normals: nothing near a mask misleads, and its solid may be of another size
+BORDER = 1.5  # [px] by which whoever made a mask may draw all of its border farther out, or in
+RIMS = 0.02  # as in EyeSettings: the border's own error hides more
+OUTWARD = 0.3  # as in EyeSettings: masks take in shadows that touch a body, which pixels show to be shadows
 MARGIN = 20  # [px] around a mask: edges farther away are not searched for
 SMOOTH = 0.7  # [px] over which a mask's steps are averaged
 FARTHER = 1.02  # ratio of distances from which one object is surely behind another
@@ -30,7 +33,7 @@ class MaskScene(Scene):
     def __init__(
         self, observation: ImageObservation, bodies: Sequence[Solid], depths: Mapping[str, Floats] | None = None
     ) -> None:
-        settings = replace(EyeSettings(), reaches=REACHES)
+        settings = replace(EyeSettings(), reaches=REACHES, border=BORDER, outward=OUTWARD, rims=RIMS)
         size = observation.video.height, observation.video.width
         nothing = np.broadcast_to(np.uint8(0), (len(observation.frames), *size, 3))
         flat = np.zeros((1, 1, 3), np.float32)

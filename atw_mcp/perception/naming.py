@@ -8,11 +8,11 @@ from dataclasses import replace
 
 from scipy.optimize import linear_sum_assignment
 
+from atw_mcp.perception.eye.colour_names import colour_word
 from atw_mcp.perception.observation import Cue, ImageObservation, ObservedObject
 
 CLEAR = 0.55  # confidence from which a cue goes into a name
 SYNONYMS = {
-    "grey": "gray",
     "ball": "sphere",
     "disc": "sphere",
     "disk": "sphere",
@@ -24,9 +24,6 @@ SYNONYMS = {
     "metallic": "metal",
     "shiny": "metal",
     "matte": "rubber",
-    "violet": "purple",
-    "magenta": "purple",
-    "turquoise": "cyan",
 }
 
 
@@ -91,17 +88,9 @@ def matched_to_expected(
 def _mismatch(candidate: ObservedObject, description: str) -> float:
     """0 where every word of the description that names a look fits the object; 1 where none does."""
     words = [SYNONYMS.get(w, w) for w in re.findall(r"[a-z]+", description.lower())]
-    cues = (candidate.colour, candidate.material, candidate.shape)
-    vocabulary = (
-        {"red", "brown", "orange", "yellow", "green", "cyan", "blue", "purple", "gray", "black", "white"},
-        {"metal", "rubber"},
-        {"sphere", "cylinder", "cube"},
-    )
-    total, wrong = 0.0, 0.0
-    for cue, known, weight in zip(cues, vocabulary, (1.0, 0.5, 0.7), strict=True):
-        name = "cube" if cue.name == "box" else cue.name
-        for word in words:
-            if word in known:
-                total += weight
-                wrong += weight * (cue.confidence if word != name else 0.0)
-    return wrong / total if total else 0.4
+    colour = colour_word(description)
+    said = [] if colour is None else [(candidate.colour, colour.replace("grey", "gray"), 1.0)]
+    said += [(candidate.material, w, 0.5) for w in words if w in ("metal", "rubber")]
+    said += [(candidate.shape, w, 0.7) for w in words if w in ("sphere", "cylinder", "cube")]
+    wrong = [w * cue.confidence for cue, word, w in said if word != ("cube" if cue.name == "box" else cue.name)]
+    return sum(wrong) / sum(weight for *_, weight in said) if said else 0.4

@@ -16,6 +16,7 @@ from atw_mcp.perception.known_scene import KnownScene
 from atw_mcp.perception.masks import Mask, RunLengthMask
 from atw_mcp.perception.places import Places
 from atw_mcp.perception.video import VideoInfo
+from polyworld.world.camera import Camera
 
 Floats = NDArray[np.float64]
 Status = Literal["visible", "occluded", "truncated", "hidden", "absent"]
@@ -239,6 +240,15 @@ class ImageObservation:
             scene=KnownScene.from_dict(data["scene"]) if "scene" in data else None,
             notes=tuple(data.get("notes", [])),
             camera_motion=np.array(data["camera_motion"]) if "camera_motion" in data else None,
+        )
+
+
+def check_camera(camera: Camera, video: VideoInfo) -> None:
+    """Raise ObservationError for a camera of images of another size."""
+    if (camera.width, camera.height) != (video.width, video.height):
+        raise ObservationError(
+            f"the camera is for images of {camera.width} x {camera.height}, the video has {video.width} x "
+            f"{video.height}: calibrate with the video's own size"
         )
 
 

@@ -19,7 +19,7 @@ from atw_mcp.perception.follow_bodies import PASSES, described, doubts
 from atw_mcp.perception.masks import Mask
 from atw_mcp.perception.naming import matched_to_expected, names_for
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
-from atw_mcp.perception.video import Cancelled, Frames, PerceptionCancelled, Progress, VideoInfo, load
+from atw_mcp.perception.video import Cancelled, Frames, Progress, VideoInfo, load, report
 
 MIN_LIFE = 5  # frames an object must be seen in
 MEANT = 0.5  # probability from which a proposal is taken for a body
@@ -47,8 +47,7 @@ def observe(
     """
     if not 1 <= max_objects <= 200:
         raise ObservationError(f"max_objects must lie in 1..200, got {max_objects}")
-    report = progress or (lambda _share, _what: None)
-    report(0.0, "reading the video")
+    report(progress, cancelled, 0.0, "reading the video")
     info, frames = load(path, stride=stride)
     smallest = default_min_area(info) if min_area is None else min_area
     if smallest < 4:
@@ -57,11 +56,8 @@ def observe(
 
     def tick() -> None:
         nonlocal ticks
-        if cancelled is not None and cancelled():
-            raise PerceptionCancelled("observation cancelled")
         ticks += 1
-        if ticks % 8 == 0:
-            report(first + size * min(ticks / steps, 1.0), doing)
+        report(progress, cancelled, first + size * min(ticks / steps, 1.0), "" if ticks % 8 else doing)
 
     tick()
     clip = Clip.of(frames, stride, tick)
@@ -109,7 +105,7 @@ def observe(
             "the camera moves a little: frames were aligned to the first before objects were followed, and their "
             "outlines are in each frame's own pixels"
         )
-    report(1.0, f"{len(observation.objects)} objects")
+    report(progress, None, 1.0, f"{len(observation.objects)} objects")
     return replace(observation, warnings=(*observation.warnings, *warnings))
 
 

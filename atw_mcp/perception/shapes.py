@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from atw_mcp.perception.masks import Mask
 from atw_mcp.perception.observation import ImageObservation, ObservationError, ObservedObject
 from atw_mcp.perception.skeleton import centreline
-from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
+from atw_mcp.perception.video import Cancelled, Progress, report
 from polyworld.data.shape_series import ShapeSeries
 from polyworld.probing.readouts import Centreline, Curve, ImageOccupancy, Outline
 
@@ -101,10 +101,7 @@ def image_shapes(
     """
     series: list[ShapeSeries] = []
     for done, (name, kind) in enumerate(kinds.items()):
-        if cancelled is not None and cancelled():
-            raise PerceptionCancelled("cancelled")
-        if progress is not None:
-            progress(done / len(kinds), f"shape of {name}")
+        report(progress, cancelled, done / len(kinds), f"shape of {name}")
         observed = observation.object(name)
         if kind == "rope":
             series += _rope(observation, observed)

@@ -13,10 +13,10 @@ from atw_mcp.perception.eye.silhouette import Fit
 from atw_mcp.perception.known_scene import Sized, same_plane, solid_body
 from atw_mcp.perception.lying import lies_better
 from atw_mcp.perception.mask_scene import MaskScene
-from atw_mcp.perception.observation import ImageObservation, ObservationError
+from atw_mcp.perception.observation import ImageObservation, ObservationError, check_camera
 from atw_mcp.perception.places import Places, places_of, with_places
 from atw_mcp.perception.sizes import SolidEstimate, SolidKind, estimate_size
-from atw_mcp.perception.video import Cancelled, PerceptionCancelled, Progress
+from atw_mcp.perception.video import Cancelled, Progress, report
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
@@ -45,7 +45,7 @@ def estimate_sizes(
     estimate, default all. An object with too few frames for an estimate is left out of the result. A cube is a box
     whose edges are equal.
     """
-    _check_camera(observation, camera)
+    check_camera(camera, observation.video)
     for name, kind in (kinds or {}).items():
         observation.object(name)
         if kind not in ("sphere", "cylinder", "cube", "box"):
@@ -55,7 +55,7 @@ def estimate_sizes(
         name = observed.name
         if only is not None and name not in only:
             continue
-        _report(progress, cancelled, number / len(observation.objects), f"size of {name}")
+        report(progress, cancelled, number / len(observation.objects), f"size of {name}")
         options: tuple[SolidKind, ...] = ("sphere", "cylinder", "cube")
         if observed.shape.name == "box":
             options = ("sphere", "cylinder", "cube", "box")
@@ -88,7 +88,7 @@ def world_tracks(
     continuous over time; a cube's is known up to quarter turns (symmetry 4), a ball's or upright cylinder's not at all
     (symmetry 0).
     """
-    _check_camera(observation, camera)
+    check_camera(camera, observation.video)
     for name in solids or {}:
         observation.object(name)
     chosen = dict(solids or {})
@@ -102,7 +102,7 @@ def world_tracks(
     depths = {name: _depths(observation, body) for name, body in bodies.items()} if plane.supports else {}
     wanted = [name for name in (chosen if only is None else only) if name not in placed]
     for done, name in enumerate(wanted):
-        _report(progress, cancelled, done / len(wanted), f"positions of {name}")
+        report(progress, cancelled, done / len(wanted), f"positions of {name}")
         ways = [bodies[name]]
         if name in (solids or {}) and isinstance(chosen[name], Cylinder) and not bodies[name].upright:
             said = (lying or {}).get(name)
@@ -113,7 +113,7 @@ def world_tracks(
             if lies_better(misfits(fits), misfits(its)):
                 body, fits = on_side, its
         placed[name], sure[name] = _placed(observation, body, fits)
-    return with_places(_nowhere(observation, seconds_per_frame), placed, sure)
+    return with_places(nowhere(observation, seconds_per_frame), placed, sure)
 
 
 def followed_places(
@@ -196,7 +196,7 @@ def _depths(observation: ImageObservation, body: Solid) -> Floats:
     return depths if len(trusted) < 2 else np.interp(np.arange(len(depths)), trusted, depths[trusted])
 
 
-def _nowhere(observation: ImageObservation, seconds_per_frame: float) -> ObservedTracks:
+def nowhere(observation: ImageObservation, seconds_per_frame: float) -> ObservedTracks:
     """Tracks of all objects without a place."""
     shape = len(observation.frames), len(observation.objects)
     return ObservedTracks(
@@ -211,19 +211,3 @@ def _nowhere(observation: ImageObservation, seconds_per_frame: float) -> Observe
         orientation_confidence=np.zeros(shape),
         symmetry=(0,) * shape[1],
     )
-
-
-def _check_camera(observation: ImageObservation, camera: Camera) -> None:
-    size = (observation.video.width, observation.video.height)
-    if (camera.width, camera.height) != size:
-        raise ObservationError(
-            f"the camera is for images of {camera.width} x {camera.height}, the video has {size[0]} x {size[1]}: "
-            "calibrate with the video's own size"
-        )
-
-
-def _report(progress: Progress | None, cancelled: Cancelled | None, share: float, what: str) -> None:
-    if cancelled is not None and cancelled():
-        raise PerceptionCancelled("cancelled")
-    if progress is not None:
-        progress(share, what)

@@ -31,6 +31,14 @@ class PerceptionCancelled(RuntimeError):
     """The caller's `cancelled` returned true."""
 
 
+def report(progress: Progress | None, cancelled: Cancelled | None, share: float = 0.0, what: str = "") -> None:
+    """Report a share of the work, where it is named; raises PerceptionCancelled where the caller wants it to end."""
+    if cancelled is not None and cancelled():
+        raise PerceptionCancelled("cancelled")
+    if progress is not None and what:
+        progress(share, what)
+
+
 @dataclass(frozen=True)
 class VideoInfo:
     """Contents of a video file.

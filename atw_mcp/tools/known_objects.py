@@ -11,7 +11,7 @@ from pydantic import Field
 from atw_mcp.calls.app import App
 from atw_mcp.observation.importing import mesh_of
 from atw_mcp.observation.matching import Known
-from atw_mcp.perception.colour_words import colour_word
+from atw_mcp.perception.eye.colour_names import colour_word
 from atw_mcp.perception.known_bodies import KnownBody
 from atw_mcp.perception.known_scene import Corners, Sized
 from atw_mcp.tools.world_arguments import Argument, Name, Pixel, Point, ShapeArgument

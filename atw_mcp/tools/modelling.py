@@ -16,7 +16,7 @@ from atw_mcp.calls.toolbox import ToolGroup
 from atw_mcp.fitting.video_model import VideoRequest, model_video
 from atw_mcp.observation.matching import Known
 from atw_mcp.observation.observing import latest_camera
-from atw_mcp.perception.colour_words import colour_word
+from atw_mcp.perception.eye.colour_names import colour_word
 from atw_mcp.perception.known_scene import Sized
 from atw_mcp.results.modelling import ModelledVideo, StoppedModelling
 from atw_mcp.tools.known_objects import KnownObject, known_of

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import Field, ValidationError
@@ -27,7 +27,7 @@ from atw_mcp.observation.observing import (
 )
 from atw_mcp.observation.shape_records import ShapeRecord, keep_shapes, latest_shapes, series_rows, shape_inputs
 from atw_mcp.perception.correction import correct
-from atw_mcp.perception.corrections import correction_of
+from atw_mcp.perception.corrections import Correction
 from atw_mcp.perception.known_bodies import observe_known
 from atw_mcp.perception.known_scene import KnownScene
 from atw_mcp.perception.observation import ImageObservation
@@ -35,7 +35,7 @@ from atw_mcp.perception.observe import observe
 from atw_mcp.perception.shapes import Material, deforming, image_shapes
 from atw_mcp.results.observation import MeasuredShapes, ObservedObjects
 from atw_mcp.tools.known_objects import KnownObject, bodies_of, corners_of, known_of
-from atw_mcp.tools.world_arguments import Argument, CaseId, ObstacleArgument, Patience, Pixel, PlaneArgument, Point
+from atw_mcp.tools.world_arguments import Argument, CaseId, ObstacleArgument, Patience, PlaneArgument
 from evidence_store import Case
 from polyworld.world import MotionPlane
 
@@ -51,46 +51,6 @@ class ShapeArgument(Argument):
         description="rope: its centreline; soft: how far it reaches in eight directions; cloth: the same, and which "
         "cells of the image it covers; fluid: those cells"
     )
-
-
-class MaskArgument(Argument):
-    """A mask of the whole image as a COCO run-length record."""
-
-    size: Annotated[list[Annotated[int, Field(gt=0, le=16384)]], Field(min_length=2, max_length=2)] = Field(
-        description="height, width [px]"
-    )
-    counts: str = Field(max_length=1_000_000, description="COCO's compressed text")
-
-
-class CorrectionArgument(Argument):
-    """One correction. outline: object, frame and one of outline, circle, box, centre, mask say where a known object is,
-    add: the same for one that was missed (centre needs a known shape); they are followed to all frames. An outline or
-    circle on one frame is the surest hint. place: object's centre is at position in frame. exclude: in
-    frame..last_frame nothing of object (or of any) is in box or mask, or object is nowhere. rest: object does not move
-    in frame..last_frame. merge: first, second are one; split: object is another one called name from frame on; rename:
-    object, name; drop: object is none."""
-
-    kind: Literal["outline", "add", "place", "exclude", "rest", "merge", "split", "rename", "drop"] = Field(
-        description="what kind of correction"
-    )
-    object: str | None = Field(default=None, max_length=64, description="the object concerned")
-    frame: int | None = Field(default=None, ge=0, description="frame number")
-    last_frame: int | None = Field(default=None, ge=0, description="exclude, rest: last frame for which it holds")
-    position: Point | None = Field(default=None, description="place: x, y, z in the world [m]")
-    outline: list[Pixel] | None = Field(
-        default=None, min_length=3, max_length=200, description="its outline in that frame: pixels u, v in order"
-    )
-    circle: Annotated[list[float], Field(min_length=3, max_length=3)] | None = Field(
-        default=None, description="the circle around a round object: u, v, radius [px]"
-    )
-    box: Annotated[list[float], Field(min_length=4, max_length=4)] | None = Field(
-        default=None, description="box around it, or region: left, top, width, height [px]"
-    )
-    centre: Pixel | None = Field(default=None, description="u, v of its centre, to a third of its radius")
-    mask: MaskArgument | None = Field(default=None, description="its mask in that frame, or region")
-    first: str | None = Field(default=None, max_length=64, description="merge: the name that stays")
-    second: str | None = Field(default=None, max_length=64, description="merge: the name that goes")
-    name: str | None = Field(default=None, max_length=64, description="split, rename: the new name")
 
 
 @GROUP.tool(
@@ -133,7 +93,7 @@ def observe_objects(
     min_area: Annotated[int | None, Field(ge=4, le=10_000_000, description="smallest region of an object [px]")] = None,
     stride: Annotated[int, Field(ge=1, le=100, description="look at every n-th frame")] = 1,
     corrections: Annotated[
-        list[CorrectionArgument] | None,
+        list[Correction] | None,
         Field(
             min_length=1,
             max_length=50,
@@ -316,7 +276,7 @@ def _shapes_answer(case: Case, record: ShapeRecord) -> Answer:
 
 
 def _correction(
-    app: App, case: Case, path: Path, observation: str | None, corrections: list[CorrectionArgument], patience: float
+    app: App, case: Case, path: Path, observation: str | None, corrections: list[Correction], patience: float
 ) -> Answer | LongWork:
     with explained():
         base, seen = chosen_image_observation(app, case, observation)
@@ -325,14 +285,12 @@ def _correction(
     if places and camera is None:
         raise ToolError(f"a place in the world needs a camera. Next: CalibrateCamera(case={case.id!r})")
     said = [item.model_dump(exclude_none=True) for item in corrections]
-    with explained(f"InspectFrames(case={case.id!r}) shows the objects and their names"):
-        asked = [correction_of(item) for item in said]
 
     def look(progress: Progress) -> ImageObservation:
         return correct(
             seen,
             path,
-            asked,
+            corrections,
             camera=camera,
             progress=lambda share, what: progress.report(share, 1.0, what),
             cancelled=progress.cancelled,
@@ -341,7 +299,7 @@ def _correction(
     inputs: dict[str, Any] = {"observation": base, "corrections": said}
     if places and camera is not None:
         inputs["camera"] = camera.model_dump(mode="json")
-    return _observation(app, case, "correct", inputs, look, f"{len(asked)} corrections", patience)
+    return _observation(app, case, "correct", inputs, look, f"{len(corrections)} corrections", patience)
 
 
 def _observation(

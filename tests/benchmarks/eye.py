@@ -17,8 +17,8 @@ import cv2
 import numpy as np
 
 from atw_mcp.perception.calibration import calibrate_from_points
-from atw_mcp.perception.colour_words import colour_name
 from atw_mcp.perception.eye.bodies import Body, Solid
+from atw_mcp.perception.eye.colour_names import colour_name
 from atw_mcp.perception.eye.finding import find_solids
 from atw_mcp.perception.eye.observe import Track, observe
 from atw_mcp.perception.eye.settings import EyeSettings

@@ -38,14 +38,13 @@ class Body(Protocol):
     """A body whose silhouette follows from a pose of four numbers.
 
     free (4,): which components are unknown; unit (4,): size of each component that moves the silhouette by about a
-    radius. A higher depth lies behind. nuisance: standard deviations of what all edges may lie
-    farther out than the silhouette says [px] (lens, a size that is not quite right), and of the radius of rounded rims.
+    radius. A higher depth lies behind. nuisance(border, rims): standard deviations of what all edges may
+    lie farther out than the silhouette says [px], and of the radius of rounded rims [radii], of solids as they are
+    given.
     """
 
     @property
     def name(self) -> str: ...
-    @property
-    def nuisance(self) -> tuple[float, float]: ...
     @property
     def free(self) -> NDArray[np.bool_]: ...
     @property
@@ -58,6 +57,7 @@ class Body(Protocol):
     def placed(self, pixel: Floats, like: Floats) -> Floats: ...
     def local(self, pose: Floats, points: Floats) -> Floats: ...
     def angles(self) -> list[float]: ...
+    def nuisance(self, border: float, rims: float) -> tuple[float, float]: ...
 
 
 @dataclass(frozen=True)
@@ -95,10 +95,9 @@ class Solid:
     def free(self) -> NDArray[np.bool_]:
         return np.array([True, True, len(self.angles()) > 1, self.rises])
 
-    @property
-    def nuisance(self) -> tuple[float, float]:
+    def nuisance(self, border: float, rims: float) -> tuple[float, float]:
         """Boxes are sharper than turned cylinders."""
-        return (0.5, 0.1 if self.kind == "cylinder" else 0.02)
+        return (border, rims if self.kind == "cylinder" else 0.2 * rims)
 
     @property
     def unit(self) -> Floats:
@@ -239,9 +238,9 @@ class Outline:
     def free(self) -> NDArray[np.bool_]:
         return np.array([True, True, not self.round, self.scales])
 
-    @property
-    def nuisance(self) -> tuple[float, float]:
+    def nuisance(self, border: float, rims: float) -> tuple[float, float]:
         """Allow for a pixel by which a drawn outline is off; a free scale does that itself."""
+        del border, rims
         return (1e-3 if self.scales else 1.0, 1e-3)
 
     @property

@@ -43,7 +43,7 @@ class Proposal:
 
     def centre(self) -> Floats:
         """Centre (2,) of the outline at its first seed [px]."""
-        return np.asarray(np.asarray(self.seeds[0].value).mean(axis=0))
+        return np.asarray(self.seeds[0].points().mean(axis=0))
 
     def unlike_rigid(self) -> float:
         """Probability of a body that was not surely followed as a rigid one."""
@@ -116,7 +116,7 @@ def _is_of(region: Region, chain: _Chain, frames: Bytes, still: Still, settings:
 
 
 def _at_rest(name: str, region: Region, count: int, factor: float, confidence: float) -> Proposal:
-    seed = Seed(name, "outline", region.frame, outline_in_full(region, factor))
+    seed = Seed.outlined(name, region.frame, outline_in_full(region, factor))
     body, span = replace(outline_body(name, seed), scales=True), (0, count - 1)
     return Proposal(body, (seed,), confidence, confidence, "body", False, span)
 
@@ -233,7 +233,7 @@ def _proposal(name: str, chain: _Chain, others: list[_Chain], factor: float, set
     usual = float(np.median([r.area for r in whole]))
     most = float(np.percentile([r.area for r in whole], 75))  # more often a part is missing than something is added
     clearest = max(whole, key=lambda r: r.solid * np.exp(-abs(np.log(r.area / most))) * min(0.5 + r.alone, 1.0))
-    seed = Seed(name, "outline", clearest.frame, outline_in_full(clearest, factor))
+    seed = Seed.outlined(name, clearest.frame, outline_in_full(clearest, factor))
     solid = float(np.median([r.solid for r in whole]))
     spread = float(np.median(np.abs(np.log([r.area / usual for r in whole]))))
     bordering = np.mean([r.border for r in chain.regions])

@@ -142,13 +142,14 @@ def _assigned(
             allowed = regions if on_plane is False else groups[g]
             near = [j for j in allowed if gains[i, j] > gains[i, allowed].max() - settings.likely]
             _, j = max((clearest[i, j], j) for j in near)
-            seed = Seed(bodies[i].name, "outline", int(frames[i, j]), candidates[j].outlines[int(frames[i, j])])
+            shown = int(frames[i, j])
+            seed = Seed.outlined(bodies[i].name, shown, candidates[j].outlines[shown])
             competitors = [candidates[m] for h in {*range(len(groups))} - {*columns} for m in groups[h]
                       if candidates[j].sought and gains[i, m] > gains[i, j] - settings.likely]  # fmt: skip
             others = [c.outlines[c.best].mean(axis=0) for c in competitors if c.sought and c.best == seed.frame]
             sure = candidates[j].sought is not None if on_plane is None else on_plane
             outlines = (longest or candidates[j]).outlines
-            found[seed.body] = Found(seed, sure, outlines, np.array(others).reshape(-1, 2))
+            found[seed.object] = Found(seed, sure, outlines, np.array(others).reshape(-1, 2))
     return found
 
 
@@ -177,13 +178,13 @@ def _exchanged(
         orders = itertools.permutations([found[bodies[i].name] for i in own])
         best = max(orders, key=lambda order: sum(map(partial(_fitting, scene, frame=frame), own, order)))
         for i, place in zip(own, best, strict=True):
-            found[bodies[i].name] = replace(place, seed=replace(place.seed, body=bodies[i].name))
+            found[bodies[i].name] = replace(place, seed=replace(place.seed, object=bodies[i].name))
     return found
 
 
 def _fitting(scene: Scene, body: int, place: Found, frame: int) -> float:
     """Log odds [nats] summed over a body's pixels at a place, by colours that are learned there."""
-    pose = scene.bodies[body].placed(np.asarray(place.seed.value).mean(axis=0), np.zeros(4))
+    pose = scene.bodies[body].placed(place.seed.points().mean(axis=0), np.zeros(4))
     for _ in range(3):
         scene.poses[body, frame] = pose
         scene.learn_body(body, [frame], rough=True)
@@ -244,7 +245,7 @@ def _candidates(
     for p in discover(frames, settings, tick=tick):
         frame = p.seeds[0].frame
         outlines = {r.frame: outline_in_full(r, r.picture[1] / frames.shape[2]) for r in p.regions}
-        outlines[frame] = np.asarray(p.seeds[0].value)
+        outlines[frame] = p.seeds[0].points()
         moves = p.moves if p.regions else settings.at_rest * p.moves
         found.append(_Candidate(outlines, frame, float(np.log(max(moves, 0.02)))))
     small, factor = reduced(frames, settings.discovery_pixels)

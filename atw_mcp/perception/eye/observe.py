@@ -96,11 +96,11 @@ def _held(scene: Scene, seeds: Sequence[Seed]) -> list[dict[int, Floats]]:
     names = [b.name for b in scene.bodies]
     held: list[dict[int, Floats]] = [{} for _ in names]
     for seed in seeds:
-        if seed.body not in names:
-            raise ValueError(f"a seed names {seed.body!r}, but the bodies are {', '.join(names)}")
-        i = names.index(seed.body)
+        if seed.object not in names:
+            raise ValueError(f"a seed names {seed.object!r}, but the bodies are {', '.join(names)}")
+        i = names.index(seed.object)
         if not 0 <= seed.frame < scene.film.count:
-            raise ValueError(f"the seed of {seed.body} needs a frame of 0..{scene.film.count - 1}")
+            raise ValueError(f"the seed of {seed.object} needs a frame of 0..{scene.film.count - 1}")
         held[i][seed.frame] = seed_pose(scene.bodies[i], seed)
     return held
 
@@ -242,7 +242,6 @@ def _track(scene: Scene, body: int, states: States, seeds: dict[int, Floats]) ->
         confidence[k] = seen * np.exp(-((2 * errors[k] / size) ** 2)) * state.posterior
     breaks, tied = _continuity(scene, shape, centres, poses, seeds)
     confidence[~tied] *= 0.5
-    confidence[_outliers(shape, centres, poses, errors)] *= 0.5
     return Track(shape, poses, covariances, centres, errors, confidence, breaks)
 
 
@@ -268,20 +267,3 @@ def _continuity(
     tied = np.zeros(len(centres), bool)
     tied[seen] = np.isin(piece, [p for p, k in zip(piece, seen, strict=True) if k in seeds])
     return tuple(breaks), tied
-
-
-def _outliers(shape: Body, centres: Floats, poses: Floats, errors: Floats) -> NDArray[np.bool_]:
-    """Frames (T,) off the middle of their neighbours by half a radius and more than usual, with more than usual error.
-
-    A blow bends the motion too, but the silhouette is shown as well as ever.
-    """
-    found = np.zeros(len(centres), bool)
-    apart = np.linalg.norm(centres[1:-1] - 0.5 * (centres[2:] + centres[:-2]), axis=1)
-    if not np.isfinite(apart).any():
-        return found
-    usual = np.nanmedian(apart)
-    common = np.median(errors[np.isfinite(errors)])
-    for k in np.flatnonzero(np.isfinite(apart)) + 1:
-        off = apart[k - 1] > max(0.5 * shape.radius(poses[k]), 4 * usual)
-        found[k] = off and errors[k] > 2 * common
-    return found

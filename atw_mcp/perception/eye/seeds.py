@@ -3,49 +3,67 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Self
 
 import cv2
 import numpy as np
 
 from atw_mcp.perception.eye.bodies import CIRCLE, Body, Outline, outline_of
 from atw_mcp.perception.eye.pixels import Floats
+from atw_mcp.perception.masks import RunLengthMask
 
 Kind = Literal["outline", "circle", "box", "centre", "mask"]
+KINDS: tuple[Kind, ...] = ("outline", "circle", "box", "centre", "mask")
 
 
 @dataclass(frozen=True)
 class Seed:
-    """A hint: a body's name, a frame, and an outline (V, 2), circle (u, v, radius), box (u0, v0, u1, v1), centre (u, v)
-    [px] or mask (H, W)."""
+    """Hint at where an object is in a frame, in that frame's own pixels, or in steady ones inside the eye.
 
-    body: str
+    value: an outline's points (u, v, u, v, ...), circle (u, v, radius), box (left, top, right, bottom), centre (u, v)
+    [px] or a mask. position: where its centre is in the world then [m], where that was stated.
+    """
+
+    object: str
     kind: Kind
     frame: int
-    value: object
+    value: tuple[float, ...] | RunLengthMask
+    position: tuple[float, float, float] | None = None
+
+    @classmethod
+    def outlined(cls, name: str, frame: int, points: Floats) -> Self:
+        """Seed of an outline (V, 2) [px]."""
+        return cls(name, "outline", frame, tuple(points.ravel().tolist()))
+
+    def points(self) -> Floats:
+        """Points (N, 2) [px] that a hint without a mask gives; a circle's centre."""
+        assert not isinstance(self.value, RunLengthMask)
+        return np.array(self.value[:2] if self.kind == "circle" else self.value, dtype=float).reshape(-1, 2)
+
+    def moved(self, points: Floats) -> tuple[float, ...]:
+        """Value of the hint with other points (N, 2) [px]."""
+        assert not isinstance(self.value, RunLengthMask)
+        return (*points.ravel().tolist(), *(self.value[2:] if self.kind == "circle" else ()))
 
     def polygon(self) -> Floats | None:
         """Outline (V, 2) [px] of hints that have one."""
-        if self.kind == "outline":
-            return np.asarray(self.value, dtype=float)
-        if self.kind == "circle":
-            u, v, radius = np.asarray(self.value, dtype=float)
-            return np.asarray(CIRCLE * radius + [u, v])
-        if self.kind == "box":
-            u0, v0, u1, v1 = np.asarray(self.value, dtype=float)
-            return np.array([[u0, v0], [u1, v0], [u1, v1], [u0, v1]])
-        if self.kind == "mask":
-            mask = np.asarray(self.value).astype(np.uint8)
+        if isinstance(self.value, RunLengthMask):
+            mask = self.value.decode().astype(np.uint8)
             contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
             return None if not contours else np.asarray(max(contours, key=cv2.contourArea)[:, 0], dtype=float)
-        return None
+        if self.kind == "circle":
+            return np.asarray(CIRCLE * self.value[2] + self.points())
+        if self.kind == "box":
+            (u0, v0), (u1, v1) = self.points()
+            return np.array([[u0, v0], [u1, v0], [u1, v1], [u0, v1]])
+        return self.points() if self.kind == "outline" else None
 
     def centre(self) -> Floats | None:
-        """Centre (2,) [px] of hints that have one."""
-        if self.kind == "centre":
-            return np.asarray(self.value, dtype=float)
-        polygon = self.polygon()
-        return None if polygon is None else outline_of("", polygon)[1][:2]
+        """Centre (2,) [px]; None of an empty mask."""
+        polygon = self.points() if self.kind == "centre" else self.polygon()
+        if polygon is None or len(polygon) == 1:
+            return None if polygon is None else np.asarray(polygon[0])
+        return outline_of("", polygon)[1][:2]
 
 
 def outline_body(name: str, seed: Seed) -> Outline:

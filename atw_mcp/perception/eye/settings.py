@@ -53,6 +53,8 @@ class EyeSettings:
     light_noise: float = 0.01  # of a pixel's light, of 1: about three levels
     robust: float = 2.0  # scales of residuals of normals beyond which they lose weight
     outward: float = 0.45  # of that, for edges farther out: what shades or mirrors a body adds to it, and nothing takes
+    border: float = 0.5  # [px] by which all edges of a solid may lie farther out: lens, a size that is not quite right
+    rims: float = 0.1  # of a radius, to which the rims of cylinders may be rounded; boxes are sharper
     correlated: float = 2.5  # [px] along a contour over which errors of normals are alike
     systematic: float = 0.02  # of a radius: error of a pose that no curvature shows (colours, shape)
 

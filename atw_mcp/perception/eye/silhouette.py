@@ -118,7 +118,7 @@ def fit_pose(scene: Scene, body: int, frame: int, pose: Floats, prior: Floats | 
     drawn = isinstance(shape, Outline)  # it may be off to either side, and is learned from mixed levels: edges_beyond
     mixing, outward = (1.0, 1.0) if drawn else (GAMMA, s.outward)
     sigma = 3.0 * shape.unit if prior is None else prior
-    hold = np.diag(1 / np.maximum(np.append(sigma[free], shape.nuisance), 1e-9) ** 2)
+    hold = np.diag(1 / np.maximum(np.append(sigma[free], shape.nuisance(s.border, s.rims)), 1e-9) ** 2)
     for reach in s.reaches[coarse:]:
         reach_now = min(reach or 2 * s.mixed_near, s.reach_radii * shape.radius(pose) + 1.5)
         contour = shape.contour(pose, s.normals)

@@ -89,7 +89,7 @@ class Chain:
     def improved(self, parts: list[Part]) -> tuple[list[Part], Solved]:
         """Return the parts after contacts were moved, parts joined and motions exchanged as long as that helps."""
         parts, best = self.settled(parts)
-        for _ in range(3 * len(parts) + 3):
+        for _ in range(self._settings.changes):
             tried = [self.settled(other) for other in self._neighbours(parts)]
             better = min(tried, key=lambda pair: pair[1].energy, default=None)
             if better is None or better[1].energy > best.energy - self._settings.worth:

@@ -2,8 +2,8 @@
 
 Either motion is linear in what is unknown of it: a flight X = p + v t + g t^2 / 2 in its start and velocity, motion on
 a plane in place, velocity and a constant acceleration. Each sighting gives three linear equations, two across the line
-of sight and one along it. So every stretch has its evidence in closed form (Bayes' linear model with normal priors),
-and sums over frames give those of all stretches.
+of sight and one along it. So the unknowns of stretches follow from normal equations (Bayes' linear model with normal
+priors), reweighted by Student's noise, and their misfits from these.
 """
 
 from __future__ import annotations
@@ -115,41 +115,6 @@ def normal_equations(motion: Motion, seen: Sightings, centre: Floats) -> Normal:
         np.einsum("kai,ka->ki", rows, right),
         np.einsum("ka,ka->k", right, right),
     )
-
-
-def evidences(
-    motion: Motion, normal: Normal, times: Floats, scale: tuple[float, float], settings: FlightSettings
-) -> tuple[Floats, Floats]:
-    """Return the log evidence (K, K + 1) of stretches [i, j) and the unknowns (K, K + 1, 7); -inf where j <= i.
-
-    times (K,): of the frames. scale: mean and standard deviation of the relative error of distances. The noise has
-    Student's tails, for masks that take in a shadow or lose half of the body. Laplace's approximation at the
-    maximum, without terms that all motions of the same frames share.
-    """
-    count = len(normal.square)
-    first, last = np.triu_indices(count + 1, 1)
-    within = (np.arange(count) >= first[:, None]) & (np.arange(count) < last[:, None])
-    unit = np.append(motion.prior, scale[1])  # unknowns in units of their priors: matrices are well scaled
-    rows, values = motion.expected(0.5 * (times[first] + times[last - 1]))
-    prior, mean = np.zeros((len(first), 7, 7)), np.full((len(first), 7), scale[0] / scale[1])
-    prior[:, :6, :6], prior[:, 6, 6], mean[:, :6] = rows * motion.prior, 1.0, values
-    precision, pull = np.einsum("sij,sik->sjk", prior, prior), np.einsum("sij,si->sj", prior, mean)
-    matrices = (normal.matrix * unit[:, None] * unit).reshape(count, 49)
-    rights = normal.right * unit
-    weights = within / settings.alike
-    for _ in range(settings.reweightings):
-        matrix = (weights @ matrices).reshape(-1, 7, 7) + precision
-        solved = np.linalg.solve(matrix, (weights @ rights + pull)[..., None])[..., 0]
-        squares = (solved[:, :, None] * solved[:, None, :]).reshape(-1, 49) @ matrices.T
-        squares = np.maximum(squares + normal.square - 2.0 * solved @ rights.T, 0.0)
-        weights = within * weights_of(squares, settings)
-    misfit = np.sum(within * misfits(squares, settings), axis=1)
-    log = -0.5 * (
-        misfit + np.sum((np.einsum("sij,sj->si", prior, solved) - mean) ** 2, axis=1) + np.linalg.slogdet(matrix)[1]
-    )
-    evidence, unknowns = np.full((count, count + 1), -np.inf), np.zeros((count, count + 1, 7))
-    evidence[first, last], unknowns[first, last] = log, solved * unit
-    return evidence, unknowns
 
 
 def energy_gains(motion: Motion, ends: Floats, unknowns: Floats, gravity: Floats, settings: FlightSettings) -> Floats:

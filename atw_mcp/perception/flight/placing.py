@@ -16,7 +16,7 @@ from atw_mcp.perception.flight.surfaces import Surface, is_covered, surfaces_of
 from atw_mcp.perception.lying import lies_better
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.tracks import misfits_at_rest, world_tracks
-from atw_mcp.perception.video import Cancelled, PerceptionCancelled
+from atw_mcp.perception.video import Cancelled, report
 from polyworld.data.tracks import ObservedTracks
 from polyworld.world import MotionPlane
 from polyworld.world.camera import Camera
@@ -55,15 +55,13 @@ def with_flights(
     the outline, as they do on the floor. Frames within such a stretch that do not show all of a body have no place.
     Raises PerceptionCancelled.
     """
-    labels = [seen.label_image(frame) for frame in seen.frames]
     times = tracks.times
     fixtures = {name: np.array(corners) for name, corners in about.fixtures.items()}
     surfaces = surfaces_of(about.floor, fixtures)
     motions: dict[str, list[dict[str, Any]]] = {}
     for name, solid in solids.items():
-        if cancelled is not None and cancelled():
-            raise PerceptionCancelled("cancelled")
-        found = sightings(seen, name, labels, camera, solid, times, SETTINGS.sightings)
+        report(None, cancelled)
+        found = sightings(seen, name, camera, solid, times, SETTINGS.sightings)
         if found is None or name not in tracks.names:
             continue
         lift = _lift(tracks, name, solid)

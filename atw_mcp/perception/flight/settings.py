@@ -19,7 +19,6 @@ class FlightSettings:
     leave: price of another motion than the usual one, on the floor, which most videos show alone.
     unexplained: price of a frame that no motion explains, about four standard deviations.
     sink: depth below the floor that is still taken for an error, of the distance.
-    favour: nats by which contacts speak for a flight beside others, in a second division from which a search starts.
     least: frames that show a flight at least.
     tails: degrees of freedom of the sightings' noise, of Student's distribution.
     alike: frames in a row whose masks err together, which count as one.
@@ -39,11 +38,11 @@ class FlightSettings:
     quietest: variance of sightings, of the expected one, below which they are not believed to be, since what is left
         of a mask's error is alike in all frames.
     lying: upward part of a cylinder's axis below which it lies on its side.
-    reweightings: of frames by Student's noise, after which evidences change by less than a tenth.
     rounds: of reweighting and of velocities at contacts where stretches are solved together.
     cut: sightings of a piece that is cut off.
     shifts: frames by which a contact is tried earlier or later.
     worth: nats that a change of the division has to gain.
+    changes: of a division at the most: a film of some contacts is settled after ten.
     """
 
     length: float = 1.0
@@ -54,7 +53,6 @@ class FlightSettings:
     leave: float = 10.0
     unexplained: float = 8.0
     sink: float = 0.03
-    favour: float = 12.0
     least: int = 4
     tails: float = 4.0
     alike: float = 2.0
@@ -75,9 +73,9 @@ class FlightSettings:
     low: float = 0.3
     quietest: float = 0.05
     lying: float = 0.7
-    reweightings: int = 8
     rounds: int = 4
     cut: int = 3
     shifts: tuple[int, ...] = (-3, -2, -1, 1, 2, 3)
     worth: float = 0.1
+    changes: int = 30
     sightings: SightingSettings = field(default_factory=SightingSettings)

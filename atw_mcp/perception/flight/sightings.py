@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,9 +26,8 @@ class SightingSettings:
     ball, whose outline changes as it turns; masks: relative noise of all distances, as shadows join a mask for some
     frames; shift: distance of a mask's centre from the body's, of its apparent radius, for the same reason; given:
     relative error of a size as it is seen; window, quantile: frames on either side, and of their apparent radii the
-    quantile, by which a mask is seen to be larger than usual; least_noise: of a centroid [px]; least_points: of an
-    outline with which a ball is placed; clearance: from others and the border, within which none is trusted [px];
-    centroid: distance of the outline's centroid from the centre of a body that is no ball, of its radius.
+    quantile, by which a mask is seen to be larger than usual; least_noise: of a centroid [px]; centroid: distance of
+    the outline's centroid from the centre of a body that is no ball, of its radius.
     """
 
     edge: float = 0.3
@@ -42,8 +39,6 @@ class SightingSettings:
     quantile: float = 0.3
     given: float = 0.1
     least_noise: float = 0.4
-    least_points: int = 10
-    clearance: float = 2.5
     centroid: float = 0.05
 
 
@@ -83,7 +78,6 @@ class Sightings:
 def sightings(
     observation: ImageObservation,
     name: str,
-    labels: Sequence[NDArray[np.uint8]],
     camera: Camera,
     solid: Solid,
     times: Floats,
@@ -91,25 +85,19 @@ def sightings(
 ) -> Sightings | None:
     """Measure where a body is seen in the frames that show all of it; None where fewer than three do.
 
-    The outline of a ball of radius r at distance d is the cone of half angle asin(r / d) about its direction. Of other
-    solids the mean projected area is a quarter of their surface (Cauchy).
+    A ball of radius r at distance d is seen under the half angle asin(r / d), in an area that says it. Of other solids
+    the mean projected area is a quarter of their surface (Cauchy).
     """
-    observed, number = observation.object(name), observation.names.index(name) + 1
+    observed = observation.object(name)
     rows, directions, distances = [], [], []
     focal = float(np.sqrt(camera.intrinsics[0][0] * camera.intrinsics[1][1]))
-    radius = solid.radius if isinstance(solid, Sphere) else float(np.sqrt(surface_area(solid) / (4.0 * np.pi)))
+    radius = float(np.sqrt(surface_area(solid) / (4.0 * np.pi)))
     for row, status in enumerate(observed.status):
         if status != "visible" or observed.confidence[row] <= 0.0:
             continue
-        if isinstance(solid, Sphere):
-            points = _outline(labels[row], number, settings.clearance)
-            if len(points) < settings.least_points:
-                continue
-            direction, angle = cone(camera.rays(observation.steadied(points, row)))
-        else:
-            direction = camera.rays(observation.steadied(observed.centroid[row], row))
-            slant = float(direction @ np.asarray(camera.rotation)[2])  # area grows as 1 / slant^3 off the axis
-            angle = float(np.arcsin(min(np.sqrt(observed.area[row] * slant**3 / np.pi) / focal, 1.0)))
+        direction = camera.rays(observation.steadied(observed.centroid[row], row))
+        slant = float(direction @ np.asarray(camera.rotation)[2])  # area grows as 1 / slant^3 off the axis
+        angle = float(np.arcsin(min(np.sqrt(observed.area[row] * slant**3 / np.pi) / focal, 1.0)))
         if not 0.0 < angle < 0.5 * np.pi:
             continue
         rows.append(row)
@@ -137,35 +125,11 @@ def sightings(
     )
 
 
-def _outline(labels: NDArray[np.uint8], number: int, clearance: float) -> Floats:
-    """Points (P, 2) [px] midway between a mask's pixels and those beside them, where these are the background's."""
-    mask = np.pad(labels == number, 1)
-    away = cv2.distanceTransform(np.isin(labels, (0, number)).astype(np.uint8), cv2.DIST_L2, 5)
-    away = np.pad(np.where(away > 0, away, 0.0), 1) if (away < away.max()).any() else np.full(mask.shape, np.inf)
-    found = []
-    for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        y, x = np.nonzero(mask & ~np.roll(mask, (-dy, -dx), axis=(0, 1)) & (away > clearance))
-        found.append(np.stack([x - 1 + 0.5 * dx, y - 1 + 0.5 * dy], axis=1))
-    points = np.concatenate(found)
-    most = np.array(labels.shape[::-1]) - 1 - clearance
-    return np.asarray(points[((points > clearance) & (points < most)).all(axis=1)])
-
-
 def _usual(pixels: Floats, rows: NDArray[np.int64], settings: SightingSettings) -> Floats:
     """Apparent radius (K,) [px] about each frame without those in which a mask takes in a shadow."""
     near = np.abs(rows[:, None] - rows[None, :]) <= settings.window
     found: Floats = np.array([np.quantile(pixels[one], settings.quantile) for one in near])
     return found
-
-
-def cone(rays: Floats) -> tuple[Floats, float]:
-    """Fit a circular cone to unit rays (P, 3) on it, by least squares; returns its axis and half angle [rad].
-
-    A ray n is on the cone about the axis d where n . d = cos(angle): with w = d / cos(angle), n . w = 1.
-    """
-    w = np.asarray(np.linalg.lstsq(rays, np.ones(len(rays)), rcond=None)[0], dtype=float)
-    length = float(np.linalg.norm(w))
-    return w / length, float(np.arccos(min(1.0 / length, 1.0)))
 
 
 def _noise(pixels: Floats, rows: NDArray[np.int64]) -> float:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import CSS4_COLORS, to_rgb
 
 from atw_mcp.observation.matching import Known, Matching, apparent_radius, matched
 from atw_mcp.perception.known_scene import Sized as Solid
@@ -22,7 +23,7 @@ KINDS = {Sphere: "sphere", Cylinder: "cylinder", Box: "cube"}
 def track(name: str, colour: str, kind: str, material: str = "rubber", left: float = 10.0) -> ObservedObject:
     return ObservedObject(
         name=name,
-        colour=Cue(colour, 0.9, {}),
+        colour=Cue(colour, 0.9, dict(zip("rgb", (255 * c for c in to_rgb(CSS4_COLORS[colour])), strict=True))),
         material=Cue(material, 0.6, {}),
         shape=Cue(kind, 0.9, {}),
         status=("visible",) * 3,
@@ -80,7 +81,7 @@ def test_shape_size_and_material_decide_between_equal_colours() -> None:
 
 def test_hints_are_read_from_names() -> None:
     item = Known("shiny_grey_ball")
-    assert (item.colour, item.stuff, item.kind) == ("gray", "metal", "sphere")
+    assert (item.colour, item.stuff, item.kind) == ("grey", "metal", "sphere")
     assert Known("teal_thing", CAN).colour == "cyan"
 
 

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from atw_mcp.perception.flight.placing import Surroundings, with_flights
-from atw_mcp.perception.flight.sightings import SightingSettings, cone, sightings
+from atw_mcp.perception.flight.sightings import SightingSettings, sightings
 from atw_mcp.perception.known_scene import Sized as Solid
 from atw_mcp.perception.masks import RunLengthMask
 from atw_mcp.perception.observation import Cue, ImageObservation, ObservedObject, measure
@@ -245,28 +245,15 @@ def test_places_are_freed_of_the_motion_of_a_camera_held_by_hand() -> None:
     np.testing.assert_allclose(again.camera_motion, motion, atol=1e-6)
 
 
-def test_the_cone_of_a_ball_is_found_exactly() -> None:
-    axis, angle = np.array([0.2, 0.9, -0.3]), 0.07
-    axis /= np.linalg.norm(axis)
-    one = np.cross(axis, [0.0, 0.0, 1.0])
-    one /= np.linalg.norm(one)
-    turns = np.linspace(0.0, 4.0, 20)[:, None]  # a part of the outline is enough
-    rays = np.cos(angle) * axis + np.sin(angle) * (np.cos(turns) * one + np.sin(turns) * np.cross(axis, one))
-    found, half = cone(rays)
-    np.testing.assert_allclose(found, axis, atol=1e-9)
-    assert half == pytest.approx(angle, rel=1e-6)
-
-
 def test_frames_without_the_body_do_not_make_the_others_vague() -> None:
     """Hidden between its first two frames and the rest, a ball is still seen to a pixel in these."""
     truth = bouncing(24, np.array([-0.9, 0.5, 0.8]), np.array([1.4, -0.6, 1.0]), 0.75)
     seen = observed([ball_mask(CAMERA, p, BALL.radius) for p in truth])
     (ball,) = seen.objects
     status = tuple("hidden" if 2 <= t < 9 else "visible" for t in range(24))
-    labels = [seen.label_image(frame) for frame in seen.frames]
     times = np.arange(24) * FRAME
     whole, parted = (
-        sightings(replace(seen, objects=(one,)), "ball", labels, CAMERA, BALL, times, SightingSettings())
+        sightings(replace(seen, objects=(one,)), "ball", CAMERA, BALL, times, SightingSettings())
         for one in (ball, replace(ball, status=status))
     )
     assert whole is not None

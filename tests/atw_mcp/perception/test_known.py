@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from atw_mcp.perception.colour_words import colour_word
+from atw_mcp.perception.eye.colour_names import colour_word
 from atw_mcp.perception.known_bodies import KnownBody, observe_known
 from atw_mcp.perception.known_scene import KnownScene, fixture_depths
 from atw_mcp.perception.observation import ImageObservation, ObservationError

@@ -134,7 +134,7 @@ def test_observed_motion_is_in_metres_where_the_camera_is_calibrated(app: App, t
 def test_metres_of_an_earlier_observation_are_not_shown_beside_new_pixels(app: App) -> None:
     base = app.store.cases.observations(CASE, "objects")[0][1]
     tracks = looking.inspect_observed_motion(app, CASE, "red_cylinder").observation
-    rename = observation.CorrectionArgument(kind="rename", object="blue_cube", name="box")
+    rename = observation.Correction(kind="rename", object="blue_cube", name="box")
     try:
         done(observation.observe_objects(app, CASE, corrections=[rename], observation=tracks))  # those tracks are of it
         found = looking.inspect_observed_motion(app, CASE, "red_cylinder")

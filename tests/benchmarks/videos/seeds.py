@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atw_mcp.perception.correction import correct
-from atw_mcp.perception.corrections import Outline
+from atw_mcp.perception.corrections import Correction
 from atw_mcp.perception.observation import ImageObservation
 from atw_mcp.perception.video import load
 from tests.benchmarks.videos.scores import SEEN
@@ -22,7 +22,7 @@ MARGIN = 2  # [px] by which a box is larger than the body
 WHOLE = 0.8  # of a body's largest visible area, from which a frame shows it whole
 
 
-def seeds(labels: Labels, bodies: list[str], how: Seeded) -> list[Outline]:
+def seeds(labels: Labels, bodies: list[str], how: Seeded) -> list[Correction]:
     """Return one seed for each body that labels (T, H, W) show: its box, or its outline, in the middle one of the
     frames that show it whole."""
     made = []
@@ -38,12 +38,14 @@ def seeds(labels: Labels, bodies: list[str], how: Seeded) -> list[Outline]:
             contours = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0]
             points = max(contours, key=cv2.contourArea)[:, 0]
             if len(points) > 2:
-                made.append(Outline(body, frame, outline=tuple((float(u), float(v)) for u, v in points), add=True))
+                fewer = points[:: -(-len(points) // 200)]
+                made.append(Correction(kind="add", object=body, frame=frame, outline=fewer.tolist()))
                 continue
         y, x = np.nonzero(mask)
         left, top = max(int(x.min()) - MARGIN, 0), max(int(y.min()) - MARGIN, 0)
         right, bottom = min(int(x.max()) + MARGIN + 1, width), min(int(y.max()) + MARGIN + 1, height)
-        made.append(Outline(body, frame, box=(left, top, right - left, bottom - top), add=True))
+        box = [left, top, right - left, bottom - top]
+        made.append(Correction(kind="add", object=body, frame=frame, box=box))
     return made
 
 

@@ -65,7 +65,7 @@ def test_dark_place_that_looks_like_the_body_does_not_take_its_place_unsaid() ->
     frames = drawn.frames([(places + np.array([2.0, 13.0]), 8.0, (75.0, 75.0, 75.0)), (places, 8.0, drawn.RED)])
     for frame, place in zip(frames, places, strict=True):
         cv2.circle(frame, (round(place[0]) + 1, round(place[1]) + 3), 4, (75, 75, 75), -1, cv2.LINE_AA)
-    seed = Seed("ball", "circle", 8, (*places[8], 8.0))
+    seed = Seed("ball", "circle", 8, (places[8, 0], places[8, 1], 8.0))
     (track,) = observe(frames, [outline_body("ball", seed)], [seed])[0]
     error = np.linalg.norm(track.centres - places, axis=1)
     assert not ((error > 4.0) & (track.confidence > 0.8)).any()

@@ -8,14 +8,15 @@ import pytest
 from atw_mcp.perception.eye.masks import body_mask
 from atw_mcp.perception.eye.observe import Track, observe
 from atw_mcp.perception.eye.seeds import Seed, outline_body
+from atw_mcp.perception.masks import RunLengthMask
 from tests.atw_mcp.perception.eye import drawn
 
 COUNT = 16
 
 
 def _follow(frames: np.ndarray, *seeds: Seed) -> list[Track]:
-    names = list(dict.fromkeys(s.body for s in seeds))
-    bodies = [outline_body(n, next(s for s in seeds if s.body == n)) for n in names]
+    names = list(dict.fromkeys(s.object for s in seeds))
+    bodies = [outline_body(n, next(s for s in seeds if s.object == n)) for n in names]
     return observe(frames, bodies, seeds)[0]
 
 
@@ -110,7 +111,7 @@ def test_seeds_of_every_kind_give_the_same_track() -> None:
     mask = np.hypot(*(np.mgrid[0 : drawn.HEIGHT, 0 : drawn.WIDTH][::-1] - places[3][:, None, None])) < 9.0
     angle = np.linspace(0, 2 * np.pi, 20, endpoint=False)
     outline = np.stack([u + 9 * np.cos(angle), v + 9 * np.sin(angle)], axis=1)
-    for seed in (Seed("b", "mask", 3, mask), Seed("b", "outline", 3, outline)):
+    for seed in (Seed("b", "mask", 3, RunLengthMask.encode(mask)), Seed.outlined("b", 3, outline)):
         (track,) = _follow(frames, seed)
         assert np.nanmax(_error(track, places)) < 0.5
 

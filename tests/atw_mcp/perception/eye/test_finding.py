@@ -81,7 +81,7 @@ def test_bodies_of_one_colour_are_distinguished_by_their_shapes() -> None:
             seed = found[body.name].seed
             assert seed.frame is not None
             true = body.polygon(np.array([place[seed.frame], y, 0.0, 0.0]))
-            assert np.linalg.norm(np.asarray(seed.value, dtype=float).mean(axis=0) - true.mean(axis=0)) < 4.0
+            assert np.linalg.norm(seed.points().mean(axis=0) - true.mean(axis=0)) < 4.0
             assert found[body.name].on_plane
 
 
@@ -101,7 +101,7 @@ def test_body_at_rest_is_found_by_its_colour_and_one_that_is_not_there_is_not() 
     assert not len(found["runner"].others)
     assert "ghost" not in found or len(found["ghost"].others)  # squares of the ground are no worse than one another
     true = still.polygon(np.array([0.0, 0.5, 0.0, 0.0]))
-    assert np.linalg.norm(np.asarray(found["still"].seed.value, dtype=float).mean(axis=0) - true.mean(axis=0)) < 4.0
+    assert np.linalg.norm(found["still"].seed.points().mean(axis=0) - true.mean(axis=0)) < 4.0
 
 
 def test_body_in_flight_is_not_on_the_floor() -> None:
@@ -137,7 +137,7 @@ def test_grey_ball_at_rest_on_a_grey_ground_is_found_by_its_silhouette_and_not_i
         frames.append(np.clip(frame + rng.normal(0, 2, frame.shape), 0, 255).astype(np.uint8))
     found = find_solids(np.stack(frames), [ball], {"ball": "grey"}, {}, EyeSettings())["ball"]
     true = ball.centre(np.array([0.2, 0.3, 0.0, 0.0]))
-    assert np.linalg.norm(np.asarray(found.seed.value, dtype=float).mean(axis=0) - true) < 2.0
+    assert np.linalg.norm(found.seed.points().mean(axis=0) - true) < 2.0
     assert found.on_plane
     assert not len(found.others)
 
@@ -151,7 +151,7 @@ def test_shaded_ball_at_rest_is_followed_from_the_one_frame_in_which_it_has_move
         [m + s * (p - m) - [s, 2 - 2 * s] for p, m in zip(whole, middles, strict=True)] for s in np.arange(1, 0, -0.1)
     ]
     frames = film([(p, (20.0, 25.0 + 15 * k, 20.0)) for k, p in enumerate(smaller)])
-    (track,), _ = observe(frames, [ball], [Seed("ball", "outline", 14, whole[14])])
+    (track,), _ = observe(frames, [ball], [Seed.outlined("ball", 14, whole[14])])
     true = [ball.centre(np.array([a, 0.3, 0.0, 0.0])) for a in x]
     assert np.linalg.norm(track.centres - true, axis=1).max() < 1.5  # px, of a radius of 17
 
@@ -167,7 +167,7 @@ def test_what_moves_under_the_floor_of_a_side_view_is_not_the_ball() -> None:
     for body, place in ((free, moving), (ball, still)):
         seed = find_solids(frames, [body], {"ball": "grey"}, {}, EyeSettings())["ball"].seed
         assert seed.frame is not None
-        assert np.linalg.norm(np.asarray(seed.value, dtype=float).mean(axis=0) - place[seed.frame]) < 4.0
+        assert np.linalg.norm(seed.points().mean(axis=0) - place[seed.frame]) < 4.0
 
 
 def test_one_of_two_like_balls_is_not_chosen_but_both_are_offered() -> None:
@@ -178,7 +178,7 @@ def test_one_of_two_like_balls_is_not_chosen_but_both_are_offered() -> None:
         shaded(frame, ball, x, 0.3, 130.0)
     frames = np.clip(frame + rng.normal(0, 2, (12, *frame.shape)), 0, 255).astype(np.uint8)
     found = find_solids(frames, [ball], {"ball": "grey"}, {}, EyeSettings())["ball"]
-    offered = [np.asarray(found.seed.value, dtype=float).mean(axis=0), *found.others]
+    offered = [found.seed.points().mean(axis=0), *found.others]
     true = [ball.centre(np.array([x, 0.3, 0.0, 0.0])) for x in (-0.4, 0.4)]
     assert len(offered) == 2
     assert all(min(np.linalg.norm(place - t) for place in offered) < 2.0 for t in true)
