@@ -1,7 +1,7 @@
 """Verdicts of the gap on data with known answers: `python -m tests.benchmarks.gaps SET [SET ...]`.
 
-Sets: real (15 sets that nobody here made), third, second, hidden (three generators that share no code with the engine,
-the second and third written by others), materials (ropes, sheets, soft bodies, fluids). Every verdict is
+Sets: real (15 sets that nobody here made), one_ball, third, second, hidden (four generators that share no code with the
+engine, the second and third written by others), materials (ropes, sheets, soft bodies, fluids). Every verdict is
 written as it comes, one JSON object a line, with what explains it where it is not right; the counts are printed at the
 end. `score` says what the outcomes mean.
 """

@@ -10,10 +10,12 @@ from typing import Any
 
 from polyworld.gap import GapSettings, find_gap
 from polyworld.gap.catalogue import named
-from tests.benchmarks.gaps import hidden, materials, real, second, third
+from tests.benchmarks.gaps import hidden, materials, one_ball, real, second, third
 from tests.benchmarks.gaps.score import record
 
-SETS: dict[str, ModuleType] = {m.__name__.rpartition(".")[2]: m for m in (real, third, second, hidden, materials)}
+SETS: dict[str, ModuleType] = {
+    m.__name__.rpartition(".")[2]: m for m in (real, one_ball, third, second, hidden, materials)
+}
 Piece = tuple[str, int, float | None, int, float]
 
 
