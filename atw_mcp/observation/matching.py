@@ -21,6 +21,7 @@ from polyworld.world.shapes import BodyShape, Box, Capsule, Cylinder, Sphere
 
 KINDS = ("sphere", "cylinder", "cube")
 MATERIALS = ("metal", "rubber")
+NAMED_FAR = 0.005  # probability that a colour gets a name that is far off, whatever the survey says
 NAMED_CLEAR = 0.9  # probability that a clear look is named rightly
 SIZE_SIGMA = 0.15  # of ln(size): blurred edges 0.1, an outline that turns with the body 0.1
 SIZE_SPREAD = 0.5  # of ln(size) among the bodies of one scene
@@ -192,7 +193,7 @@ def _cues(item: Known, track: ObservedObject, estimate: SolidEstimate | None, el
 
 def _colour(word: str, seen: Cue) -> float:
     share = chances(np.array([[round(seen.measured[channel]) for channel in "bgr"]], np.uint8))[word]
-    return float(np.log((1.0 - SLIPS) * share * len(WORDS) + SLIPS))
+    return float(np.log((1.0 - NAMED_FAR) * share * len(WORDS) + NAMED_FAR))
 
 
 def _material(same: bool, confidence: float) -> float:
