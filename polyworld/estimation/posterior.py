@@ -29,8 +29,8 @@ FLATTEST = -30.0  # logarithm of the power of weights at which all draws count
 @dataclass(frozen=True)
 class SamplingSettings:
     """Rounds of `draws` each, up to `most` while fewer than `enough` draws count. freedom: of the t distribution, whose
-    tails cover what a Gaussian would miss. turns: in which states are scattered object by object: an object that is at
-    rest takes the first proposal, others one in three."""
+    tails cover what a Gaussian would miss. turns: in which states are scattered object by object, where all at
+    once were refused: what the first refuses the second proposes again."""
 
     most: int = 10
     draws: int = 128
