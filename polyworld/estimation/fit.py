@@ -49,7 +49,7 @@ from polyworld.world.shapes import Sphere
 Array = NDArray[np.float64]
 
 Edit = Callable[[list[Unknown]], list[Unknown]]
-COSTLY = SamplingSettings(most=1, draws=32)  # of worlds with deformable bodies, whose rollouts take seconds
+COSTLY = SamplingSettings(most=1, draws=32, turns=0)  # of worlds with deformable bodies, whose rollouts take seconds
 WORK = 5e6  # of the members of a posterior, see `polyworld.solver.work`: some ten seconds
 Watch = Callable[[float, str, float], None]
 

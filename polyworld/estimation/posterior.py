@@ -162,7 +162,7 @@ def _scattered(
         moved[r] = np.log(rng.uniform(size=count)) < 0.5 * (length + costs[r] - true[r])
         states[r] = np.where(moved[r][:, None], proposed[r], first[r])
     rest = np.flatnonzero(~moved.all(axis=0))
-    if not len(rest):
+    if not len(rest) or not turns:
         return states
     now = evaluated(rest, states)
     at = [[np.where(moved[r][:, None], z, 0.0) for z in drawn] for r, drawn in enumerate(normals)]

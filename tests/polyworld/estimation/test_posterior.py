@@ -53,6 +53,8 @@ def test_an_object_that_is_not_in_a_bent_collision_keeps_its_own_spread() -> Non
     drawn = sample(own, own.fit(), COUNT, 0, MANY).states[0][0]
     assert drawn[:, ::2].std(axis=0) == pytest.approx(np.ones(3), abs=0.1)
     assert drawn[:, 1::2].std(axis=0).max() < 0.4
+    at_once = sample(own, own.fit(), COUNT, 0, replace(MANY, turns=0)).states[0][0]
+    assert at_once[:, ::2].std(axis=0).max() < 0.5
 
 
 def test_a_rate_that_nothing_shows_is_absent_or_half_normal() -> None:

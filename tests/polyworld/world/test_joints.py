@@ -73,7 +73,7 @@ def test_a_hinge_between_objects_that_start_at_different_times_is_refused() -> N
 
 
 def test_hinges_rub_in_a_plane_as_they_do_in_space() -> None:
-    """A ball on an arm that rubs with a tenth of its weight's torque swings alike, rigid_planar or rigid_spatial."""
+    """A ball on an arm whose hinge rubs and has a stop falls alike, rigid_planar or rigid_spatial."""
     stiff = Hinge(name="j", object="ball", anchor=(2.5, 0.0, 0.0), axis=(0.0, -1.0, 0.0), friction=0.1, upper=1.0)
     flat = chain(joints=(stiff,))
     spatial = World(
